@@ -1,0 +1,69 @@
+"""What filters, the balise service and the fuser say to each other."""
+
+from __future__ import annotations
+
+from typing import Annotated, ClassVar
+
+from pydantic import Field
+
+from .message import Count, Gaussian, Message, Name, NonNegative, Part, PositionM, Share, TimeNs, Variance
+
+
+Coefficient = Annotated[float, Field(ge=-1e6, le=1e6)]
+
+
+class LinearObservation(Part):
+    """One scalar observation z = h x + e, e ~ N(0, R), over [s, v, a, the unit's private states].
+
+    `row` is h, `value` is z, `variance` is R. (`sensor_instance`, `reading_sequence`, `component`) is its identity:
+    whoever repeats it, it counts once.
+    """
+
+    sensor_instance: Name
+    reading_sequence: Count
+    component: Count = 0
+    measured_at_ns: TimeNs
+    row: Annotated[list[Coefficient], Field(min_length=3)]
+    value: Annotated[float, Field(ge=-1e9, le=1e9)]
+    variance: Annotated[float, Field(ge=1e-12, le=1e15)]
+
+
+class Estimate(Message):
+    """A local filter's belief at `measured_at_ns` and the linearised observations of the readings that are new in it.
+
+    The observations do not depend on the filter's history, restarts or feedback. `feedback_epoch_ns` is the epoch of
+    the last feedback that the belief contains.
+    """
+
+    SCHEMA: ClassVar[str] = "estimate"
+
+    belief: Gaussian
+    observations: list[LinearObservation]
+    feedback_epoch_ns: TimeNs | None = None
+
+
+class AbsoluteFix(Message):
+    """The train's reference point was at `position_m` at `measured_at_ns`.
+
+    `reader`, `reader_instance` and `reading_sequence` say which reading it came from; `location_accuracy_m` is how
+    well the line knows where the balise lies.
+    """
+
+    SCHEMA: ClassVar[str] = "absolute_fix"
+
+    reader: Name
+    reader_instance: Name
+    reading_sequence: Count
+    balise_id: Name
+    position_m: PositionM
+    position_variance_m2: Variance
+    location_accuracy_m: NonNegative
+
+
+class Feedback(Message):
+    """The fused state at epoch `measured_at_ns` over all states, and the share (beta) of every reporting unit."""
+
+    SCHEMA: ClassVar[str] = "feedback"
+
+    fused: Gaussian
+    shares: dict[str, Share]

@@ -1,0 +1,40 @@
+"""How the processes are doing."""
+
+from __future__ import annotations
+
+from typing import ClassVar, Literal
+
+from .message import Count, Message, NonNegative, Part
+
+
+class Spread(Part):
+    """Median, 99th percentile and maximum of a quantity over the last period."""
+
+    p50: float
+    p99: float
+    max: float
+
+
+class Health(Message):
+    """Once a second, of every process: what came in and went out, what was refused and why, how long a step took."""
+
+    SCHEMA: ClassVar[str] = "health"
+
+    uptime_s: NonNegative
+    received_hz: dict[str, NonNegative]
+    sent_hz: dict[str, NonNegative]
+    refused: dict[str, Count]
+    rewinds: Count
+    gaps: Count
+    step_us: Spread | None = None
+    latency_ms: Spread | None = None
+
+
+class Event(Message):
+    """Something happened that a person should be able to read about later."""
+
+    SCHEMA: ClassVar[str] = "event"
+
+    severity: Literal["info", "warning", "error"]
+    code: str
+    text: str

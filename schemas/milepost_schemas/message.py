@@ -1,0 +1,109 @@
+"""What every Milepost message has in common: strict fields, physical ranges, sound covariances."""
+
+from __future__ import annotations
+
+from typing import Annotated, ClassVar
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, StringConstraints, model_validator
+
+COMMON_STATES = ("position_m", "speed_mps", "acceleration_mps2")
+
+Name = Annotated[str, StringConstraints(pattern=r"^[a-z0-9][a-z0-9_.-]{0,62}$")]
+TimeNs = Annotated[int, Field(gt=0, lt=2**63)]
+Count = Annotated[int, Field(ge=0, lt=2**63)]
+
+# 10 000 km covers any line; 200 m/s is above the maglev record of 603 km/h; 20 m/s² is a collision, not braking.
+PositionM = Annotated[float, Field(ge=-1e7, le=1e7)]
+SpeedMps = Annotated[float, Field(ge=-200.0, le=200.0)]
+AccelerationMps2 = Annotated[float, Field(ge=-20.0, le=20.0)]
+Variance = Annotated[float, Field(gt=0.0, le=1e15)]
+NonNegative = Annotated[float, Field(ge=0.0)]
+Share = Annotated[float, Field(ge=0.0, le=1.0)]
+
+
+def check_covariance(matrix: list[list[float]]) -> list[list[float]]:
+    """Accept a covariance P (n x n) only if it is square, symmetric and positive semi-definite.
+
+    A Cholesky factorisation of the matrix scaled to a unit diagonal, so that metres next to radians do not
+    matter; pivots down to -1e-9 pass as rounding. Raises ValueError otherwise.
+    """
+    n = len(matrix)
+    if n == 0 or any(len(row) != n for row in matrix):
+        raise ValueError("a covariance must be square and not empty")
+    scale = [matrix[i][i] for i in range(n)]
+    if min(scale) < 0.0:
+        raise ValueError("a covariance cannot have a negative variance")
+    root = [value**0.5 for value in scale]
+    factor: list[list[float]] = []
+    for i in range(n):
+        row: list[float] = []
+        for j in range(i + 1):
+            value, size = matrix[i][j], root[i] * root[j]
+            if abs(value - matrix[j][i]) > 1e-9 * (size + 1e-300):
+                raise ValueError("a covariance must be symmetric")
+            if size == 0.0:
+                if value != 0.0:
+                    raise ValueError("a covariance must be positive semi-definite")
+                row.append(0.0)
+                continue
+            rest = value / size - sum(a * b for a, b in zip(row, factor[j] if j < i else row, strict=False))
+            if j < i:
+                # a pivot of zero leaves nothing to divide by; what remains must then be zero too
+                pivot = factor[j][j]
+                if pivot == 0.0 and abs(rest) > 1e-6:
+                    raise ValueError("a covariance must be positive semi-definite")
+                row.append(rest / pivot if pivot else 0.0)
+            else:
+                if rest < -1e-9:
+                    raise ValueError("a covariance must be positive semi-definite")
+                row.append(max(rest, 0.0) ** 0.5)
+        factor.append(row)
+    return matrix
+
+
+Covariance = Annotated[list[list[float]], AfterValidator(check_covariance)]
+
+
+class Part(BaseModel):
+    """A piece of a message: strict, immutable, finite; unknown fields are ignored so that newer senders are understood."""
+
+    model_config = ConfigDict(strict=True, frozen=True, extra="ignore", allow_inf_nan=False)
+
+
+class Message(Part):
+    """The head of every message.
+
+    `sequence` counts from 0 per stream and instance. `measured_at_ns` is the UTC time, in nanoseconds, at which the
+    content was true; `published_at_ns` is when it was sent.
+    """
+
+    SCHEMA: ClassVar[str]
+    VERSION: ClassVar[int] = 1
+
+    train: Name
+    unit: Name
+    instance: Name
+    sequence: Count
+    measured_at_ns: TimeNs
+    published_at_ns: TimeNs
+
+    @classmethod
+    def encoding(cls) -> str:
+        """The encoding that travels with the payload: format, schema name and version."""
+        return f"application/msgpack;{cls.SCHEMA}/{cls.VERSION}"
+
+
+class Gaussian(Part):
+    """A mean (n) and its covariance (n x n) over named states, in the order of `states`."""
+
+    states: list[str]
+    mean: list[float]
+    covariance: Covariance
+
+    @model_validator(mode="after")
+    def _sizes_agree(self) -> Gaussian:
+        if not len(self.states) == len(self.mean) == len(self.covariance):
+            raise ValueError("states, mean and covariance must have the same size")
+        if tuple(self.states[:3]) != COMMON_STATES:
+            raise ValueError(f"the first states must be {', '.join(COMMON_STATES)}")
+        return self

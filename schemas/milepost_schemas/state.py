@@ -1,0 +1,85 @@
+"""The product: where the train is and how fast it goes, with an honest bound."""
+
+from __future__ import annotations
+
+from typing import Annotated, ClassVar, Literal
+
+from pydantic import Field, model_validator
+
+from .message import AccelerationMps2, Count, Covariance, Message, Name, NonNegative, Part, PositionM, Share, SpeedMps
+
+Status = Literal["initialising", "normal", "degraded", "coasting", "lost"]
+Direction = Literal["forward", "backward", "standstill", "unknown"]
+
+
+class SensorInUse(Part):
+    """A unit that counts at this epoch: its share and the age of its last observation."""
+
+    unit: Name
+    share: Share
+    age_s: NonNegative
+
+
+class SensorExcluded(Part):
+    """A unit that does not count at this epoch, and why."""
+
+    unit: Name
+    reason: str
+
+
+class BalisePassed(Part):
+    """The last balise passed, its chainage and the distance travelled since."""
+
+    balise_id: Name
+    position_m: PositionM
+    distance_since_m: float
+
+
+class FusedState(Message):
+    """The fused state at the epoch `measured_at_ns`.
+
+    `covariance` is over [position m, speed m/s, acceleration m/s²]. The true position lies in
+    [`position_min_m`, `position_max_m`], the true speed in [`speed_min_mps`, `speed_max_mps`]. `awaiting` lists units
+    whose due reading had not arrived when it was sent; `settled` is true where the horizon has passed.
+    """
+
+    SCHEMA: ClassVar[str] = "state"
+
+    epoch: Count
+    position_m: PositionM
+    speed_mps: SpeedMps
+    acceleration_mps2: float
+    covariance: Annotated[Covariance, Field(min_length=3, max_length=3)]
+    position_min_m: float
+    position_max_m: float
+    speed_min_mps: float
+    speed_max_mps: float
+    direction: Direction
+    status: Status
+    line: Name
+    line_hash: str
+    latitude_deg: float | None = None
+    longitude_deg: float | None = None
+    last_balise: BalisePassed | None = None
+    sensors: list[SensorInUse]
+    excluded: list[SensorExcluded]
+    awaiting: list[Name]
+    settled: bool = False
+
+    @model_validator(mode="after")
+    def _inside_own_interval(self) -> FusedState:
+        if not self.position_min_m <= self.position_m <= self.position_max_m:
+            raise ValueError("position_m must lie in its interval")
+        if not self.speed_min_mps <= self.speed_mps <= self.speed_max_mps:
+            raise ValueError("speed_mps must lie in its interval")
+        return self
+
+
+class Truth(Message):
+    """The simulated or replayed train's true motion; lives on a key that no fuser can hear."""
+
+    SCHEMA: ClassVar[str] = "truth"
+
+    position_m: PositionM
+    speed_mps: SpeedMps
+    acceleration_mps2: AccelerationMps2

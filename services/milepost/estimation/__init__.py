@@ -1,0 +1,1 @@
+"""Pure mathematics: no clock, no I/O, no logging, no Zenoh. README.md is the symbol sheet."""

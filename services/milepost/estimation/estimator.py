@@ -1,0 +1,108 @@
+"""The one estimator that local filters and the fuser share: a timeline over a layout.
+
+A local filter holds the common states and its own private block, the fuser holds all blocks; nothing else differs.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from .gaussian import inflate_common, marginal, replace_common
+from .kalman import ArrayKernel
+from .layout import N_COMMON, Array, Layout
+from .scalar import ScalarKernel
+from .timeline import Counters, Observation, Timeline
+
+
+@dataclass(frozen=True)
+class Prior:
+    """What is believed before the first observation: mean (3) and standard deviation (3) of [s, v, a]."""
+
+    mean: Array
+    std: Array
+
+
+def kernel_for(layout: Layout, jerk_psd: float) -> ScalarKernel | ArrayKernel:
+    """The fastest kernel that holds this layout."""
+    return ScalarKernel(jerk_psd) if layout.dimension == N_COMMON else ArrayKernel(layout, jerk_psd)
+
+
+class Estimator:
+    """Beliefs over time from observations in any order, with feedback at its epoch.
+
+    `jerk_psd` q in m²/s⁵; `share` β divides both prior and q, as the federated filter asks of a local filter
+    (Q_i = Q/β_i, P_i = P/β_i); the fuser's share is 1.
+    """
+
+    def __init__(self, layout: Layout, jerk_psd: float, prior: Prior, horizon_ns: int, share: float = 1.0) -> None:
+        self.layout = layout
+        self._jerk_psd = jerk_psd
+        self._share = share
+        self._prior = prior
+        mean, covariance = layout.prior(prior.mean, prior.std)
+        kernel = kernel_for(layout, jerk_psd / share)
+        self._timeline = Timeline(kernel, kernel.pack(mean, inflate_common(mean, covariance, share)), horizon_ns)
+
+    @property
+    def timeline(self) -> Timeline:
+        """The observations, in order."""
+        return self._timeline
+
+    @property
+    def counters(self) -> Counters:
+        """What was accepted, refused and replayed."""
+        return self._timeline.counters
+
+    def insert(self, observation: Observation, now_ns: int) -> str | None:
+        """Take an observation whose row is over [s, v, a, own private] of its unit. Returns the reason if it is refused.
+
+        Raises ValueError where the row does not fit the unit's block.
+        """
+        row = self.layout.lift(observation.unit, observation.row)
+        return self._timeline.insert(observation._replace(row=row), now_ns)
+
+    def state_at(self, at_ns: int) -> tuple[Array, Array] | None:
+        """Mean (n) and covariance (n, n) at a time; None before the earliest observation."""
+        state = self._timeline.state_at(at_ns)
+        return None if state is None else self._kernel.unpack(state)
+
+    def marginal_at(self, at_ns: int, unit: str) -> tuple[Array, Array] | None:
+        """Mean and covariance over [s, v, a, private states of `unit`] at a time."""
+        state = self.state_at(at_ns)
+        return None if state is None else marginal(*state, self.layout.indices.get(unit, (0, 1, 2)))
+
+    def withdraw(self, unit: str, since_ns: int) -> list[Observation]:
+        """Take a unit's observations from `since_ns` on out of the result, exactly."""
+        return self._timeline.withdraw(unit, since_ns)
+
+    def advance_to(self, now_ns: int) -> None:
+        """Let time pass: fold what is settled into the base."""
+        self._timeline.advance_to(now_ns)
+
+    def start_from(self, at_ns: int, mean: Array, covariance: Array) -> None:
+        """Continue from a belief at a time; what was observed until then is in it."""
+        self._timeline.rebase(at_ns, self._kernel.pack(mean, covariance))
+
+    def accept_feedback(self, at_ns: int, mean: Array, covariance: Array, share: float) -> bool:
+        """Take the fused marginal at its epoch: rewind to it, divide the common block by β, replay.
+
+        mean (n), covariance (n, n) over [s, v, a, own private]; or over [s, v, a] alone, from a rule that does not fuse
+        private states: these are then conditioned on it from the belief at the epoch. Older feedback than the last one is superseded and changes nothing: returns False.
+        Source: A (15)-(17); the conditioning of private states is ours (see `gaussian.inflate_common`).
+        """
+        base_ns = self._timeline.base_ns
+        if base_ns is not None and at_ns <= base_ns:
+            return False
+        if share != self._share:
+            self._share = share
+            self._timeline.kernel = kernel_for(self.layout, self._jerk_psd / share)
+        if len(mean) < self.layout.dimension:
+            before = self.state_at(at_ns) or self.layout.prior(self._prior.mean, self._prior.std)
+            mean, covariance = replace_common(*before, mean, covariance)
+        self.start_from(at_ns, mean, inflate_common(mean, covariance, share))
+        return True
+
+    @property
+    def _kernel(self) -> Any:
+        return self._timeline.kernel

@@ -1,0 +1,42 @@
+"""The sources' fusion rule: beliefs weighted by their information, information shared out by β."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from .layout import Array
+
+
+def fuse(beliefs: Sequence[tuple[Array, Array]]) -> tuple[Array, Array]:
+    """Fuse beliefs at one epoch: P_g = [Σ P_i⁻¹]⁻¹, x_g = P_g Σ P_i⁻¹ x_i.
+
+    Each belief: mean (n), covariance (n, n). Raises ValueError where there is none. Source: A (12)-(13).
+    """
+    if not beliefs:
+        raise ValueError("there is no belief to fuse")
+    if len(beliefs) == 1:
+        return beliefs[0]
+    n = len(beliefs[0][0])
+    information, vector = np.zeros((n, n)), np.zeros(n)
+    # every covariance is scaled by one common diagonal: metres beside m/s² lose digits in the inversion otherwise
+    scale = np.sqrt(np.diag(beliefs[0][1]))
+    for mean, covariance in beliefs:
+        inverse = np.linalg.inv(covariance / np.outer(scale, scale))
+        information += inverse
+        vector += inverse @ ((mean - beliefs[0][0]) / scale)
+    covariance = np.linalg.inv(information)
+    mean = beliefs[0][0] + scale * (covariance @ vector)
+    return mean, 0.5 * (covariance + covariance.T) * np.outer(scale, scale)
+
+
+def share_out(shares: Mapping[str, float], reporting: Sequence[str]) -> dict[str, float]:
+    """The shares β of the reporting units, Σβ = 1: a silent unit's share goes to the others in proportion.
+
+    Units that share zero between them share evenly. Source: A (14), B.
+    """
+    total = sum(shares.get(unit, 0.0) for unit in reporting)
+    if total <= 0.0:
+        return {unit: 1.0 / len(reporting) for unit in reporting}
+    return {unit: shares.get(unit, 0.0) / total for unit in reporting}

@@ -1,0 +1,57 @@
+"""The Kalman filter's two steps for one scalar observation, over any number of states."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .layout import Array, Layout
+from .motion import full_process_noise, full_transition
+
+
+def predict(x: Array, P: Array, F: Array, Q: Array) -> tuple[Array, Array]:
+    """Carry a belief forward: x ← F x, P ← F P Fᵀ + Q.
+
+    x (n), P (n, n), F (n, n), Q (n, n). Source: A (3), (6).
+    """
+    return F @ x, F @ P @ F.T + Q
+
+
+def update(x: Array, P: Array, h: Array, z: float, R: float) -> tuple[Array, Array]:
+    """Take one scalar observation z = h x + e, e ~ N(0, R), into a belief.
+
+    K = P h / (h P hᵀ + R); x ← x + K (z - h x); P ← (I - K h) P (I - K h)ᵀ + K R Kᵀ (Joseph's form, which stays
+    symmetric and positive semi-definite under rounding), written as two rank-1 steps.
+    x (n), P (n, n), h (n), z and R scalar, R > 0. Source: A (4), (5), (7).
+    """
+    g = P @ h
+    K = g / (h @ g + R)
+    A = P - np.outer(K, g)
+    P_new = A - np.outer(A @ h, K) + R * np.outer(K, K)
+    return x + K * (z - h @ x), 0.5 * (P_new + P_new.T)
+
+
+@dataclass(frozen=True)
+class ArrayKernel:
+    """The two steps over a layout with private states, as the timeline needs them: opaque states in, opaque states out."""
+
+    layout: Layout
+    jerk_psd: float
+
+    def pack(self, mean: Array, covariance: Array) -> tuple[Array, Array]:
+        """A belief in the kernel's own form."""
+        return np.array(mean, dtype=float), np.array(covariance, dtype=float)
+
+    def unpack(self, state: tuple[Array, Array]) -> tuple[Array, Array]:
+        """The mean (n) and covariance (n, n) of a belief."""
+        return state
+
+    def advance(self, state: tuple[Array, Array], dt_s: float) -> tuple[Array, Array]:
+        """The belief `dt_s` seconds later."""
+        F = full_transition(dt_s, self.layout)
+        return predict(*state, F, full_process_noise(dt_s, self.jerk_psd, self.layout))
+
+    def observe(self, state: tuple[Array, Array], row: tuple[float, ...], value: float, variance: float) -> tuple[Array, Array]:
+        """The belief after one observation."""
+        return update(*state, np.array(row), value, variance)

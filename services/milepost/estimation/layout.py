@@ -1,0 +1,84 @@
+"""Which state stands where: the common states [s, v, a], then a block of private states for each unit."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+COMMON = ("position_m", "speed_mps", "acceleration_mps2")
+N_COMMON = len(COMMON)
+
+
+@dataclass(frozen=True, slots=True)
+class PrivateState:
+    """A state that only one unit observes, such as a scale or a bias: first-order Markov p' = -p/τ + w, w of density q.
+
+    `prior_mean`, `prior_std`: in the state's own unit. `time_constant_s` τ: infinite makes it a random walk.
+    `noise_psd` q: in unit²/s.
+    """
+
+    name: str
+    prior_mean: float
+    prior_std: float
+    time_constant_s: float = math.inf
+    noise_psd: float = 0.0
+
+
+@dataclass(frozen=True)
+class Layout:
+    """The order of all states: [s, v, a, block of unit 1, block of unit 2, ...]."""
+
+    blocks: tuple[tuple[str, tuple[PrivateState, ...]], ...] = ()
+    indices: dict[str, tuple[int, ...]] = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        places: dict[str, tuple[int, ...]] = {}
+        at = N_COMMON
+        for unit, states in self.blocks:
+            places[unit] = (0, 1, 2, *range(at, at + len(states)))
+            at += len(states)
+        object.__setattr__(self, "indices", places)
+
+    @property
+    def private(self) -> tuple[PrivateState, ...]:
+        """All private states, in order."""
+        return tuple(state for _, states in self.blocks for state in states)
+
+    @property
+    def dimension(self) -> int:
+        """The number of states n."""
+        return N_COMMON + len(self.private)
+
+    @property
+    def names(self) -> list[str]:
+        """The states' names: the common ones, then `unit.state`."""
+        return [*COMMON, *(f"{unit}.{state.name}" for unit, states in self.blocks for state in states)]
+
+    def only(self, units: Iterable[str]) -> Layout:
+        """The layout that holds the blocks of these units alone."""
+        wanted = set(units)
+        return Layout(tuple(block for block in self.blocks if block[0] in wanted))
+
+    def lift(self, unit: str, row: tuple[float, ...]) -> tuple[float, ...]:
+        """A row h over [s, v, a, own private] as a row over all states. Raises ValueError where the size does not fit."""
+        places = self.indices.get(unit, (0, 1, 2))
+        if len(row) != len(places):
+            raise ValueError(f"{unit}: a row has {len(places)} entries here, not {len(row)}")
+        if len(row) == self.dimension:
+            return row
+        full = [0.0] * self.dimension
+        for place, value in zip(places, row, strict=True):
+            full[place] = value
+        return tuple(full)
+
+    def prior(self, common_mean: Array, common_std: Array) -> tuple[Array, Array]:
+        """The prior over all states: mean (n), covariance (n x n, diagonal)."""
+        mean = np.array([*common_mean, *(state.prior_mean for state in self.private)], dtype=float)
+        std = np.array([*common_std, *(state.prior_std for state in self.private)], dtype=float)
+        return mean, np.diag(std**2)

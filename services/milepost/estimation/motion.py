@@ -1,0 +1,54 @@
+"""How the train moves between observations: constant acceleration, driven by continuous white jerk."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from .layout import N_COMMON, Array, Layout
+
+
+def transition(dt_s: float) -> Array:
+    """The common states' transition F(T) = [[1, T, T²/2], [0, 1, T], [0, 0, 1]], shape (3, 3).
+
+    Source: A (8)-(9), B, C and D alike. A's printed noise input [T²/6, T²/2, T] must be [T³/6, T²/2, T] for its units to
+    agree; a misprint.
+    """
+    return np.array([[1.0, dt_s, 0.5 * dt_s * dt_s], [0.0, 1.0, dt_s], [0.0, 0.0, 1.0]])
+
+
+def process_noise(dt_s: float, jerk_psd: float) -> Array:
+    """The common states' process noise Q(T) = q [[T⁵/20, T⁴/8, T³/6], [., T³/3, T²/2], [., ., T]], shape (3, 3).
+
+    `jerk_psd` q in m²/s⁵. White jerk in continuous time, so that Q(T₁+T₂) = F(T₂) Q(T₁) F(T₂)ᵀ + Q(T₂): asynchronous
+    steps compose exactly. Rejected: A's piecewise-constant input, whose steps do not compose.
+    """
+    t2 = dt_s * dt_s
+    t3 = t2 * dt_s
+    q02, q01, q12 = t3 / 6.0, t2 * t2 / 8.0, t2 / 2.0
+    matrix = np.array([[t2 * t3 / 20.0, q01, q02], [q01, t3 / 3.0, q12], [q02, q12, dt_s]])
+    return jerk_psd * matrix
+
+
+def full_transition(dt_s: float, layout: Layout) -> Array:
+    """The transition over all states, shape (n, n): F(T) for the common block, exp(-T/τ) for each private state."""
+    matrix = np.eye(layout.dimension)
+    matrix[:N_COMMON, :N_COMMON] = transition(dt_s)
+    for i, state in enumerate(layout.private, N_COMMON):
+        matrix[i, i] = math.exp(-dt_s / state.time_constant_s)
+    return matrix
+
+
+def full_process_noise(dt_s: float, jerk_psd: float, layout: Layout) -> Array:
+    """The process noise over all states, shape (n, n).
+
+    A private state adds q T for a random walk, q τ/2 (1 - exp(-2T/τ)) for a first-order Markov state.
+    """
+    matrix = np.zeros((layout.dimension, layout.dimension))
+    matrix[:N_COMMON, :N_COMMON] = process_noise(dt_s, jerk_psd)
+    for i, state in enumerate(layout.private, N_COMMON):
+        tau = state.time_constant_s
+        spread = dt_s if math.isinf(tau) else -0.5 * tau * math.expm1(-2.0 * dt_s / tau)
+        matrix[i, i] = state.noise_psd * spread
+    return matrix

@@ -1,0 +1,207 @@
+"""Observations in the order in which they were true, whatever the order in which they came.
+
+Every observation is a knot; the belief after each knot is kept as a checkpoint. What arrives late is put where it
+belongs, and what follows is computed again when somebody asks. Because only observations are knots, the result is a
+function of the set of observations alone: the same bits for any order of arrival.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_left, bisect_right
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple, Protocol
+
+NS = 1e-9
+FUTURE_NS = 500_000_000
+# deleting from the front of a list costs its length, so it is done for many knots at once
+PRUNE_AT_LEAST = 256
+FORGET_AT_LEAST = 2048
+
+
+class Observation(NamedTuple):
+    """One scalar observation z = h x + e, e ~ N(0, R): `row` is h over the timeline's states.
+
+    (`measured_at_ns`, `order`, `sequence`) is its place: `order` is the unit's row in the train file. (`unit`,
+    `instance`, `sequence`, `component`) is its identity.
+    """
+
+    measured_at_ns: int
+    order: int
+    sequence: int
+    instance: str
+    component: int
+    unit: str
+    row: tuple[float, ...]
+    value: float
+    variance: float
+
+
+class Kernel(Protocol):
+    """The mathematics that a timeline runs: states are opaque to it."""
+
+    def advance(self, state: Any, dt_s: float) -> Any: ...
+    def observe(self, state: Any, row: tuple[float, ...], value: float, variance: float) -> Any: ...
+
+
+@dataclass(slots=True)
+class Counters:
+    """What the timeline did with what it was given; `refused` by reason."""
+
+    accepted: int = 0
+    rewinds: int = 0
+    replayed: int = 0
+    refused: dict[str, int] = field(default_factory=dict)
+
+
+class Timeline:
+    """Observations over a sliding horizon, and the belief at any time in it.
+
+    `prior` is the kernel's state before the earliest observation, and moves back if an earlier one arrives; after
+    `rebase` the base is fixed at a time instead. The settled boundary is `now` - `horizon_ns`, `now` being the largest
+    that was ever given: what is older is refused, what is before it can never change again.
+    """
+
+    def __init__(self, kernel: Kernel, prior: Any, horizon_ns: int) -> None:
+        self.kernel = kernel
+        self.horizon_ns = horizon_ns
+        self.counters = Counters()
+        self._base = prior
+        self._base_ns: int | None = None
+        self._rebased = False
+        self._keys: list[tuple[int, int, int, str, int]] = []
+        self._knots: list[Observation] = []
+        self._states: list[Any] = []
+        self._valid = 0
+        self._seen: dict[tuple[str, str, int, int], int] = {}
+        self._boundary_ns = 0
+        self._forget_at = FORGET_AT_LEAST
+
+    @property
+    def base_ns(self) -> int | None:
+        """The time that the base is fixed at; None while the prior still moves with the earliest observation."""
+        return self._base_ns
+
+    @property
+    def boundary_ns(self) -> int:
+        """Everything before this time is settled."""
+        return self._boundary_ns
+
+    @property
+    def earliest_ns(self) -> int | None:
+        """The time of the base: the earliest observation, or where it was rebased to."""
+        if self._base_ns is not None:
+            return self._base_ns
+        return self._keys[0][0] if self._keys else None
+
+    @property
+    def latest_ns(self) -> int | None:
+        """The time of the latest observation, or of the base where there is none after it."""
+        return self._keys[-1][0] if self._keys else self._base_ns
+
+    def insert(self, observation: Observation, now_ns: int) -> str | None:
+        """Put an observation where it belongs. Returns the reason if it is refused, `absorbed` if the base already contains its time."""
+        self._move_boundary(now_ns)
+        at = observation.measured_at_ns
+        identity = (observation.unit, observation.instance, observation.sequence, observation.component)
+        if at < self._boundary_ns:
+            return self._refuse("too_old")
+        if at > now_ns + FUTURE_NS:
+            return self._refuse("from_future")
+        if identity in self._seen:
+            return self._refuse("duplicate")
+        self._seen[identity] = at
+        if self._rebased and self._base_ns is not None and at <= self._base_ns:
+            return "absorbed"
+        self.counters.accepted += 1
+        self._place(observation)
+        return None
+
+    def _place(self, observation: Observation) -> None:
+        key = observation[:5]
+        place = bisect_right(self._keys, key)
+        if place < self._valid:
+            self.counters.rewinds += 1
+            self.counters.replayed += self._valid - place
+            self._valid = place
+        self._keys.insert(place, key)
+        self._knots.insert(place, observation)
+        self._states.insert(place, None)
+
+    def withdraw(self, unit: str, since_ns: int) -> list[Observation]:
+        """Take a unit's observations from `since_ns` on out, as if they had never come. Returns them, in order."""
+        out = [knot for knot in self._knots if knot.unit == unit and knot.measured_at_ns >= since_ns]
+        if out:
+            kept = [knot for knot in self._knots if not (knot.unit == unit and knot.measured_at_ns >= since_ns)]
+            self._valid = min(self._valid, bisect_left(self._keys, out[0][:5]))
+            self._knots, self._keys = kept, [knot[:5] for knot in kept]
+            self._states = self._states[: self._valid] + [None] * (len(kept) - self._valid)
+        return out
+
+    def rebase(self, at_ns: int, state: Any) -> None:
+        """Make `state` the belief at `at_ns`: what was observed until then is in it, what came later is replayed on it."""
+        place = bisect_right(self._keys, at_ns, key=lambda key: key[0])
+        self._drop(place)
+        self._base, self._base_ns, self._rebased = state, at_ns, True
+        self._states = [None] * len(self._knots)
+        self._valid = 0
+
+    def state_at(self, at_ns: int) -> Any | None:
+        """The belief at a time, from all observations until then; None before the base. A side branch: it adds no knot."""
+        place = bisect_right(self._keys, at_ns, key=lambda key: key[0])
+        if place:
+            self._replay(place)
+            state, from_ns = self._states[place - 1], self._keys[place - 1][0]
+        elif self._base_ns is not None and at_ns >= self._base_ns:
+            state, from_ns = self._base, self._base_ns
+        else:
+            return None
+        return self.kernel.advance(state, (at_ns - from_ns) * NS) if at_ns > from_ns else state
+
+    def _replay(self, until: int) -> None:
+        place = self._valid
+        if place >= until:
+            return
+        advance, observe = self.kernel.advance, self.kernel.observe
+        if place:
+            state, at = self._states[place - 1], self._keys[place - 1][0]
+        else:
+            state, at = self._base, self._base_ns if self._base_ns is not None else self._keys[0][0]
+        while place < until:
+            knot = self._knots[place]
+            if knot.measured_at_ns > at:
+                state = advance(state, (knot.measured_at_ns - at) * NS)
+                at = knot.measured_at_ns
+            state = observe(state, knot.row, knot.value, knot.variance)
+            self._states[place] = state
+            place += 1
+        self._valid = until
+
+    def advance_to(self, now_ns: int) -> None:
+        """Let time pass: move the settled boundary and fold settled observations into the base."""
+        self._move_boundary(now_ns)
+        if len(self._seen) >= self._forget_at:
+            self._forget()
+        if len(self._keys) < PRUNE_AT_LEAST or self._keys[PRUNE_AT_LEAST - 1][0] >= self._boundary_ns:
+            return
+        place = bisect_left(self._keys, self._boundary_ns, key=lambda key: key[0])
+        self._replay(place)
+        state, at = self._states[place - 1], self._keys[place - 1][0]
+        self._drop(place)
+        self._base, self._base_ns = state, at
+
+    def _forget(self) -> None:
+        boundary = self._boundary_ns
+        self._seen = {identity: at for identity, at in self._seen.items() if at >= boundary}
+        self._forget_at = max(FORGET_AT_LEAST, 2 * len(self._seen))
+
+    def _drop(self, place: int) -> None:
+        del self._keys[:place], self._knots[:place], self._states[:place]
+        self._valid = max(0, self._valid - place)
+
+    def _move_boundary(self, now_ns: int) -> None:
+        if now_ns - self.horizon_ns > self._boundary_ns:
+            self._boundary_ns = now_ns - self.horizon_ns
+
+    def _refuse(self, reason: str) -> str:
+        self.counters.refused[reason] = self.counters.refused.get(reason, 0) + 1
+        return reason

@@ -1,0 +1,98 @@
+"""The line: its chainage, its balises and, where it has one, its geometry on the earth."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from bisect import bisect_right
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+
+@dataclass(frozen=True, slots=True)
+class Balise:
+    """A balise and its chainage; `location_accuracy_m` is how well the line knows it."""
+
+    balise_id: str
+    position_m: float
+    location_accuracy_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class Projection:
+    """A point on the earth as seen from the line: chainage and distance from the track."""
+
+    position_m: float
+    cross_track_m: float
+
+
+class Track:
+    """A polyline on WGS84, with chainage along its geodesics.
+
+    `points`: (longitude_deg, latitude_deg) in the direction of increasing chainage, at least two. Nearest points are
+    found on a transverse Mercator plane about the middle of the line and carried over to geodesic chainage vertex by
+    vertex, so that the plane's scale does not enter. Raises ValueError for fewer than two distinct points.
+    """
+
+    def __init__(self, points: Sequence[tuple[float, float]]) -> None:
+        # geometry libraries are slow to import and only lines with geometry need them
+        import pyproj
+        import shapely
+
+        lon = np.array([p[0] for p in points], dtype=float)
+        lat = np.array([p[1] for p in points], dtype=float)
+        if len(points) < 2:
+            raise ValueError("a track needs at least two points")
+        _, _, lengths = pyproj.Geod(ellps="WGS84").inv(lon[:-1], lat[:-1], lon[1:], lat[1:])
+        if not np.all(np.asarray(lengths) > 0.0):
+            raise ValueError("two neighbouring points of the track are the same")
+        plane = f"+proj=tmerc +ellps=WGS84 +lat_0={lat.mean()} +lon_0={lon.mean()}"
+        self._to_plane = pyproj.Transformer.from_crs("EPSG:4326", plane, always_xy=True)
+        x, y = self._to_plane.transform(lon, lat)
+        self._shape: Any = shapely.LineString(np.column_stack([x, y]))
+        self._point = shapely.Point
+        self._chainage = np.concatenate([[0.0], np.cumsum(lengths)])
+        self._on_plane = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(x), np.diff(y)))])
+        self._chainage_list: list[float] = self._chainage.tolist()
+        self._lon: list[float] = lon.tolist()
+        self._lat: list[float] = lat.tolist()
+
+    @property
+    def length_m(self) -> float:
+        """The length along the geodesics."""
+        return self._chainage_list[-1]
+
+    def project(self, latitude_deg: float, longitude_deg: float) -> Projection:
+        """The nearest point of the track."""
+        point = self._point(*self._to_plane.transform(longitude_deg, latitude_deg))
+        position = float(np.interp(self._shape.project(point), self._on_plane, self._chainage))
+        return Projection(position, float(self._shape.distance(point)))
+
+    def locate(self, position_m: float) -> tuple[float, float]:
+        """Latitude and longitude, in degrees, of a chainage; the ends of the track for what lies beyond them."""
+        chainage = self._chainage_list
+        i = min(max(bisect_right(chainage, position_m) - 1, 0), len(chainage) - 2)
+        part = min(max((position_m - chainage[i]) / (chainage[i + 1] - chainage[i]), 0.0), 1.0)
+        lat, lon = self._lat, self._lon
+        return lat[i] + part * (lat[i + 1] - lat[i]), lon[i] + part * (lon[i + 1] - lon[i])
+
+
+@dataclass(frozen=True)
+class Line:
+    """What is known of the line: name, length, balises in order of chainage, map accuracy and perhaps geometry."""
+
+    name: str
+    length_m: float
+    balises: tuple[Balise, ...]
+    map_accuracy_m: float = 0.0
+    track: Track | None = None
+    content: dict[str, Any] = field(default_factory=dict, repr=False)
+
+    @property
+    def content_hash(self) -> str:
+        """The first 16 hex digits of the SHA-256 of the line's content: tells whether two processes mean the same line."""
+        text = json.dumps(self.content, sort_keys=True, separators=(",", ":"))
+        return hashlib.sha256(text.encode()).hexdigest()[:16]

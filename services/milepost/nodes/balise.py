@@ -1,0 +1,40 @@
+"""The balise service: telegrams in, absolute fixes out, through the line's balise table."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+from milepost.estimation.track import Line
+from milepost_schemas import AbsoluteFix, BaliseTelegram, Message
+
+from .base import Node, Output, Subscription
+
+
+class BaliseNode(Node):
+    """Looks each telegram's identity up and stamps the fix with the time of passage."""
+
+    def __init__(self, train: str, instance: str, readers: Sequence[str], line: Line) -> None:
+        super().__init__(train, "balise", instance)
+        self.subscriptions = [Subscription("balise_telegram", reader) for reader in readers]
+        self._balises = {balise.balise_id: balise for balise in line.balises}
+
+    def step(self, message: Message, now_ns: int) -> Iterable[Output]:
+        """A telegram becomes a fix; one that the line does not know becomes an event."""
+        if not isinstance(message, BaliseTelegram):
+            return
+        balise = self._balises.get(message.balise_id)
+        if balise is None:
+            self.refusals.add("unknown_balise")
+            yield self.event("warning", "unknown_balise", f"{message.unit} read {message.balise_id}, which the line does not have", now_ns)
+            return
+        fix = AbsoluteFix(
+            **self.head("fix", message.measured_at_ns, now_ns),
+            reader=message.unit,
+            reader_instance=message.instance,
+            reading_sequence=message.sequence,
+            balise_id=balise.balise_id,
+            position_m=balise.position_m,
+            position_variance_m2=message.reader_variance_m2,
+            location_accuracy_m=balise.location_accuracy_m,
+        )
+        yield Output("fix", self.unit, fix)

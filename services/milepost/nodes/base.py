@@ -1,0 +1,98 @@
+"""What every node offers to whoever runs it: on Zenoh, on the memory bus, in a test."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+from milepost_schemas import Event, Message
+
+
+class Output(NamedTuple):
+    """A message to be sent: the row of the stream table, the unit in its key, the message."""
+
+    stream: str
+    unit: str
+    message: Message
+
+
+@dataclass(frozen=True, slots=True)
+class Subscription:
+    """A stream that a node wants, of one unit ('*' for any)."""
+
+    stream: str
+    unit: str = "*"
+
+
+@dataclass(slots=True)
+class Refusals:
+    """Messages that do not count, by reason; the first of each reason is worth an event."""
+
+    counts: dict[str, int] = field(default_factory=dict)
+
+    def add(self, reason: str) -> bool:
+        """Count one; returns whether it is the first of its kind."""
+        before = self.counts.get(reason, 0)
+        self.counts[reason] = before + 1
+        return before == 0
+
+
+class Node:
+    """step(message) -> messages. No Zenoh and no wall clock: `now_ns` is the time of receipt, or of the tick."""
+
+    subscriptions: Sequence[Subscription] = ()
+
+    def __init__(self, train: str, unit: str, instance: str) -> None:
+        self.train = train
+        self.unit = unit
+        self.instance = instance
+        self.refusals = Refusals()
+        self.finished = False
+        self._sequences: dict[str, int] = {}
+
+    @property
+    def rewinds(self) -> int:
+        """How often something late was put in its place."""
+        return 0
+
+    def step(self, message: Message, now_ns: int) -> Iterable[Output]:  # noqa: ARG002
+        """Take one message."""
+        return ()
+
+    def tick(self, now_ns: int) -> Iterable[Output]:  # noqa: ARG002
+        """Do what is due by `now_ns`."""
+        return ()
+
+    def next_tick_ns(self) -> int | None:
+        """When `tick` wants to be called next; None: never."""
+        return None
+
+    def unit_alive(self, unit: str, alive: bool) -> None:  # noqa: B027
+        """A process's liveliness token appeared or went."""
+
+    def answer(self, procedure: str) -> Message | None:  # noqa: ARG002
+        """The answer to a procedure call; None where there is none (yet)."""
+        return None
+
+    def head(self, stream: str, measured_at_ns: int, now_ns: int) -> dict[str, Any]:
+        """The head of this node's next message on a stream."""
+        sequence = self._sequences.get(stream, 0)
+        self._sequences[stream] = sequence + 1
+        return {
+            "train": self.train,
+            "unit": self.unit,
+            "instance": self.instance,
+            "sequence": sequence,
+            "measured_at_ns": measured_at_ns,
+            "published_at_ns": now_ns,
+        }
+
+    def event(self, severity: str, code: str, text: str, now_ns: int) -> Output:
+        """An event of this node's."""
+        return Output("event", "", Event(**self.head("event", now_ns, now_ns), severity=severity, code=code, text=text))
+
+    def refuse(self, reason: str, text: str, now_ns: int) -> Iterable[Output]:
+        """Count a message that does not count, and say so the first time."""
+        if self.refusals.add(reason):
+            yield self.event("warning", f"refused_{reason}", text, now_ns)

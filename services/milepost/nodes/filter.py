@@ -1,0 +1,114 @@
+"""A local filter's process: readings in, belief and observations out, feedback taken at its epoch."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+
+from milepost.estimation.filters import KalmanFilter
+from milepost.estimation.gaussian import marginal
+from milepost.estimation.layout import N_COMMON
+from milepost.estimation.timeline import FUTURE_NS, Observation
+from milepost.sensors import Sensor
+from milepost_schemas import Estimate, Feedback, Message
+
+from .base import Node, Output, Subscription
+
+
+class FilterNode(Node):
+    """Runs one local filter of one unit. `order` is the unit's row in the train file."""
+
+    def __init__(self, train: str, instance: str, sensor: Sensor[Any], local: KalmanFilter, order: int, feedback: bool) -> None:
+        super().__init__(train, sensor.unit, instance)
+        self.subscriptions = [Subscription(sensor.stream, sensor.unit)]
+        if feedback:
+            self.subscriptions.append(Subscription("feedback"))
+        self._sensor = sensor
+        self._filter = local
+        self._estimator = local.estimator
+        self._order = order
+        self._names = local.estimator.layout.names
+        self._latest_ns = 0
+        self._feedback: Feedback | None = None
+
+    @property
+    def rewinds(self) -> int:
+        """How often a reading came after a later one."""
+        return self._estimator.counters.rewinds
+
+    def step(self, message: Message, now_ns: int) -> Iterable[Output]:
+        """A reading, or feedback."""
+        if isinstance(message, Feedback):
+            return self._take_feedback(message, now_ns)
+        return self._take_reading(message, now_ns)
+
+    def answer(self, procedure: str) -> Message | None:
+        """`latest_feedback`: what a restarted fuser continues from."""
+        return self._feedback if procedure == "latest_feedback" else None
+
+    def _take_reading(self, reading: Message, now_ns: int) -> Iterable[Output]:
+        estimator = self._estimator
+        estimator.advance_to(now_ns)
+        belief = estimator.state_at(reading.measured_at_ns) if estimator.layout.private else None
+        observed = self._sensor.observe(reading, None if belief is None else belief[0])
+        refused = dict(estimator.counters.refused)
+        offered = [
+            Observation(reading.measured_at_ns, self._order, reading.sequence, reading.instance, i, self.unit, *o)
+            for i, o in enumerate(observed)
+        ]
+        counted = self._filter.take(offered, now_ns)
+        for reason, count in estimator.counters.refused.items():
+            if count != refused.get(reason, 0):
+                yield from self.refuse(reason, f"{self.unit}: reading {reading.sequence} of {reading.instance}: {reason}", now_ns)
+        if offered and not counted:
+            return
+        self._latest_ns = max(self._latest_ns, reading.measured_at_ns)
+        state = estimator.state_at(self._latest_ns)
+        if state is None:
+            return
+        yield Output("estimate", self.unit, self._estimate(counted, *state, now_ns))
+
+    def _estimate(self, counted: list[Observation], mean: Any, covariance: Any, now_ns: int) -> Estimate:
+        return Estimate(
+            **self.head("estimate", self._latest_ns, now_ns),
+            belief={"states": self._names, "mean": mean.tolist(), "covariance": covariance.tolist()},
+            observations=[
+                {
+                    "sensor_instance": o.instance,
+                    "reading_sequence": o.sequence,
+                    "component": o.component,
+                    "measured_at_ns": o.measured_at_ns,
+                    "row": list(o.row),
+                    "value": o.value,
+                    "variance": o.variance,
+                }
+                for o in counted
+            ],
+            feedback_epoch_ns=None if self._feedback is None else self._feedback.measured_at_ns,
+        )
+
+    def _take_feedback(self, feedback: Feedback, now_ns: int) -> Iterable[Output]:
+        epoch = feedback.measured_at_ns
+        share = feedback.shares.get(self.unit, 0.0)
+        if epoch > now_ns + FUTURE_NS:
+            yield from self.refuse("from_future", f"feedback of epoch {epoch} is ahead of time", now_ns)
+            return
+        if self._feedback is not None and epoch <= self._feedback.measured_at_ns:
+            self.refusals.add("duplicate" if epoch == self._feedback.measured_at_ns else "superseded")
+            return
+        # a unit without a share gets no feedback: it does not count, and must not learn from what it would spoil
+        if share <= 0.0:
+            return
+        states = feedback.fused.states
+        # a rule that does not fuse private states sends the common ones alone
+        names = self._names if len(states) > N_COMMON else self._names[:N_COMMON]
+        if not set(names) <= set(states):
+            yield from self.refuse("other_layout", f"feedback lacks one of {', '.join(names)}", now_ns)
+            return
+        places = tuple(states.index(name) for name in names)
+        mean, covariance = marginal(np.array(feedback.fused.mean), np.array(feedback.fused.covariance), places)
+        if self._estimator.accept_feedback(epoch, mean, covariance, share):
+            self._feedback = feedback
+            self._latest_ns = max(self._latest_ns, epoch)

@@ -1,0 +1,39 @@
+"""The world's process: the true motion, on the epoch grid, for those who compare."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from milepost.simulation.motion import Motion
+from milepost_schemas import Truth
+
+from .base import Node, Output
+
+
+class WorldNode(Node):
+    """Publishes the truth at each epoch, until the line or the recording ends."""
+
+    def __init__(self, train: str, instance: str, motion: Motion, start_ns: int, period_ns: int) -> None:
+        super().__init__(train, "world", instance)
+        self._motion = motion
+        self._start_ns = start_ns
+        self._period_ns = period_ns
+        self._next_ns = -(-start_ns // period_ns) * period_ns
+
+    def next_tick_ns(self) -> int | None:
+        """The next epoch."""
+        return None if self.finished else self._next_ns
+
+    def tick(self, now_ns: int) -> Iterable[Output]:
+        """The truth at every epoch until now."""
+        out: list[Output] = []
+        while self._next_ns <= now_ns and not self.finished:
+            t = (self._next_ns - self._start_ns) * 1e-9
+            if t > self._motion.end_s:
+                self.finished = True
+                break
+            s, v, a = self._motion.at(t)
+            head = self.head("truth", self._next_ns, now_ns)
+            out.append(Output("truth", "", Truth(**head, position_m=s, speed_mps=v, acceleration_mps2=a)))
+            self._next_ns += self._period_ns
+        return out

@@ -1,0 +1,62 @@
+"""The same nodes without Zenoh: messages are handed over at once, time goes from event to event."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Sequence
+
+from milepost.nodes.base import Node, Output
+from milepost_schemas import Message
+
+Tap = Callable[[Output, int], None]
+
+
+class MemoryBus:
+    """Runs nodes in one thread on a clock that jumps to whatever is next; `tap` sees every message and its time."""
+
+    def __init__(self, nodes: Sequence[Node], tap: Tap | None = None, before_step: Callable[[int], None] | None = None) -> None:
+        self._nodes = list(nodes)
+        self._tap = tap
+        self._before_step = before_step
+        self._routes: dict[tuple[str, str], list[Node]] = {}
+        self._queue: deque[Output] = deque()
+
+    def run_until(self, until_ns: int) -> int | None:
+        """Do all ticks before `until_ns`; returns when the next one would be, None if no node wants one."""
+        nodes = self._nodes
+        while True:
+            due_ns, due = None, None
+            for node in nodes:
+                at = node.next_tick_ns()
+                if at is not None and (due_ns is None or at < due_ns):
+                    due_ns, due = at, node
+            if due_ns is None or due is None or due_ns >= until_ns:
+                return due_ns
+            if self._before_step is not None:
+                self._before_step(due_ns)
+            self._queue.extend(due.tick(due_ns))
+            self._deliver(due_ns)
+
+    def inject(self, stream: str, unit: str, message: Message, now_ns: int) -> None:
+        """A message from outside, received at `now_ns`."""
+        if self._before_step is not None:
+            self._before_step(now_ns)
+        self._queue.append(Output(stream, unit, message))
+        self._deliver(now_ns)
+
+    def _deliver(self, now_ns: int) -> None:
+        queue, tap, routes = self._queue, self._tap, self._routes
+        while queue:
+            output = queue.popleft()
+            if tap is not None:
+                tap(output, now_ns)
+            where = (output.stream, output.unit)
+            listeners = routes.get(where)
+            if listeners is None:
+                listeners = routes[where] = [n for n in self._nodes if _wants(n, *where)]
+            for node in listeners:
+                queue.extend(node.step(output.message, now_ns))
+
+
+def _wants(node: Node, stream: str, unit: str) -> bool:
+    return any(s.stream == stream and s.unit in ("*", unit) for s in node.subscriptions)

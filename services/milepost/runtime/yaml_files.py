@@ -1,0 +1,77 @@
+"""YAML files read strictly: a mistake is one line naming file and field."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, TypeVar
+
+import yaml
+from pydantic import BaseModel, ValidationError
+
+M = TypeVar("M", bound=BaseModel)
+
+
+class ConfigError(Exception):
+    """A configuration that cannot be used: `file: field: what is wrong`."""
+
+    def __init__(self, file: Path | str, field: str, text: str) -> None:
+        place = f"{file}: {field}" if field else f"{file}"
+        super().__init__(f"{place}: {text}")
+
+
+class _Loader(yaml.SafeLoader):
+    """YAML 1.2's floats (1e-6 is a number) and no key twice."""
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
+        seen: set[object] = set()
+        for key_node, _ in node.value:
+            key = self.construct_object(key_node, deep=True)  # type: ignore[no-untyped-call]
+            if key in seen:
+                raise yaml.constructor.ConstructorError(None, None, f"the key {key!r} stands twice", key_node.start_mark)
+            seen.add(key)
+        return super().construct_mapping(node, deep)
+
+
+_Loader.add_implicit_resolver("tag:yaml.org,2002:float", re.compile(r"^[-+]?\d+(\.\d*)?[eE][-+]?\d+$"), list("-+0123456789"))
+
+
+def read_yaml(path: Path) -> dict[str, Any]:
+    """A YAML file's mapping. Raises ConfigError."""
+    try:
+        text = path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise ConfigError(path, "", error.strerror or str(error)) from error
+    except UnicodeDecodeError as error:
+        raise ConfigError(path, "", "not UTF-8 text") from error
+    try:
+        content = yaml.load(text, Loader=_Loader)  # noqa: S506 (a subclass of SafeLoader)
+    except yaml.MarkedYAMLError as error:
+        line = f"line {error.problem_mark.line + 1}" if error.problem_mark else ""
+        raise ConfigError(path, line, error.problem or "not YAML") from error
+    except yaml.YAMLError as error:
+        raise ConfigError(path, "", " ".join(str(error).split())) from error
+    if not isinstance(content, dict):
+        raise ConfigError(path, "", "not a mapping")
+    return content
+
+
+def validate(path: Path, content: Mapping[str, Any], model: type[M], prefix: str = "") -> M:
+    """A mapping as a model; paths in it are meant from the file's folder. Raises ConfigError for the first mistake."""
+    try:
+        return model.model_validate(content, context={"folder": path.parent})
+    except ValidationError as error:
+        first = error.errors(include_url=False, include_context=False)[0]
+        field = ".".join([prefix, *(str(part) for part in first["loc"])] if prefix else [str(part) for part in first["loc"]])
+        text = "unknown key" if first["type"] == "extra_forbidden" else first["msg"].removeprefix("Value error, ")
+        raise ConfigError(path, field, text) from error
+
+
+def merged(base: Mapping[str, Any], change: Mapping[str, Any]) -> dict[str, Any]:
+    """`base` with `change` laid over it, mapping by mapping."""
+    out = dict(base)
+    for key, value in change.items():
+        old = out.get(key)
+        out[key] = merged(old, value) if isinstance(old, Mapping) and isinstance(value, Mapping) else value
+    return out

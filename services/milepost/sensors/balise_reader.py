@@ -1,0 +1,88 @@
+"""Balise reader: the antenna that hears a balise as the train passes over it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Annotated, Any
+
+from pydantic import Field
+
+from milepost.estimation.layout import Array
+from milepost.simulation.motion import when_at
+from milepost.simulation.noise import WhiteNoise
+
+from .base import Measured, Observed, Sensor, SensorOptions, Source, World
+
+LOOK_AHEAD_S = 1.0
+
+
+class BaliseReaderOptions(SensorOptions):
+    """`read_std_m`: how far from the balise's middle the passage is stamped; `latency_s`: from passage to telegram.
+
+    RAIL.md's priors for a reader are 2 cm and 10 ms.
+    """
+
+    filter: None = None
+    read_std_m: Annotated[float, Field(gt=0.0)] = 0.02
+    latency_s: Annotated[float, Field(ge=0.0, le=1.0)] = 0.01
+
+
+class BaliseReader(Sensor[BaliseReaderOptions]):
+    """Telegrams carry an identity and the time of passage; the balise service knows where that is."""
+
+    kind = "balise_reader"
+    stream = "balise_telegram"
+    options_model = BaliseReaderOptions
+
+    def observe(self, reading: Any, belief: Array | None) -> Sequence[Observed]:  # noqa: ARG002
+        """Nothing by itself: a telegram becomes a fix in the balise service."""
+        return ()
+
+    def open(self, world: World | None, from_s: float) -> Source:
+        """Simulated passages over the line's balises."""
+        if world is None:
+            raise ValueError(f"{self.unit}: a {self.kind} has no source without a simulated world")
+        return _Simulated(self.unit, self.options, world, from_s)
+
+
+class _Simulated:
+    """Looks ahead along the motion a second at a time for the next passage."""
+
+    def __init__(self, unit: str, options: BaliseReaderOptions, world: World, from_s: float) -> None:
+        self._world, self._options = world, options
+        self._noise = WhiteNoise(world.seed, unit)
+        position = world.motion.at(from_s)[0]
+        self._next = next((i for i, b in enumerate(world.line.balises) if b.position_m > position), len(world.line.balises))
+        self._searched_s = from_s
+        self._passage_s: float | None = None
+
+    def next_s(self) -> float | None:
+        """When the next telegram is ready, or when to look again."""
+        if self._passage_s is None:
+            self._search()
+        if self._passage_s is not None:
+            return self._passage_s + self._options.latency_s
+        over = self._next >= len(self._world.line.balises) or self._searched_s >= self._world.motion.end_s
+        return None if over else self._searched_s
+
+    def _search(self) -> None:
+        balises, motion = self._world.line.balises, self._world.motion
+        if self._next >= len(balises) or self._searched_s >= motion.end_s:
+            return
+        # the reader hears the balise a little early or late, so it is the heard place that must be passed
+        heard_m = balises[self._next].position_m + self._options.read_std_m * self._noise[self._next]
+        if heard_m < motion.at(self._searched_s)[0]:
+            self._next += 1
+            return
+        until = min(self._searched_s + LOOK_AHEAD_S, motion.end_s)
+        self._passage_s = when_at(motion, heard_m, self._searched_s, until)
+        if self._passage_s is None:
+            self._searched_s = until
+
+    def read(self) -> Measured | None:
+        """The telegram of the passage that was found, if one was."""
+        if self._passage_s is None:
+            return None
+        passage, balise = self._passage_s, self._world.line.balises[self._next]
+        self._next, self._passage_s, self._searched_s = self._next + 1, None, passage
+        return Measured(passage, {"balise_id": balise.balise_id, "reader_variance_m2": self._options.read_std_m**2})

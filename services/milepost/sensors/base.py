@@ -1,0 +1,131 @@
+"""What every kind of sensor offers: how it observes the state, and where its readings come from."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, ClassVar, Generic, Literal, NamedTuple, Protocol, TypeVar
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationInfo
+
+from milepost.estimation.layout import Array, PrivateState
+from milepost.estimation.track import Line
+from milepost.simulation.motion import Motion
+
+
+def _resolve(value: object, info: ValidationInfo) -> object:
+    """A path is meant from the folder of the file that names it."""
+    if isinstance(value, str):
+        base = (info.context or {}).get("folder", Path())
+        return (Path(base) / value).resolve()
+    return value
+
+
+DataPath = Annotated[Path, BeforeValidator(_resolve)]
+
+
+class SensorOptions(BaseModel):
+    """A unit's entry in a train file. `filter` names a row of the filter table."""
+
+    model_config = ConfigDict(strict=True, frozen=True, extra="forbid", allow_inf_nan=False)
+
+    kind: str
+    source: Literal["simulation", "recording"] = "simulation"
+    filter: str | None = "kalman"
+    withhold_s: list[list[float]] = Field(default_factory=list, description="spans [from, to) of scenario time without readings")
+
+
+class Observed(NamedTuple):
+    """A reading as one scalar observation: row h over [s, v, a, own private], value z, variance R."""
+
+    row: tuple[float, ...]
+    value: float
+    variance: float
+
+
+@dataclass(frozen=True, slots=True)
+class Measured:
+    """A reading that is not a message yet: the scenario time at which it is true, and its fields."""
+
+    measured_s: float
+    fields: dict[str, Any]
+
+
+class Source(Protocol):
+    """Where readings come from, on scenario time."""
+
+    def next_s(self) -> float | None:
+        """When the next reading is ready; None when there will be no more."""
+
+    def read(self) -> Measured | None:
+        """Take that reading; None where the sensor has nothing to say this time."""
+
+
+@dataclass(frozen=True)
+class World:
+    """What a simulated sensor can see: the train's motion, the line, and the seed of all noise."""
+
+    motion: Motion
+    line: Line
+    seed: int
+
+
+O = TypeVar("O", bound=SensorOptions)  # noqa: E741
+
+
+class Sensor(ABC, Generic[O]):
+    """One kind of sensor. `stream` names the row of the stream table that its readings travel on."""
+
+    kind: ClassVar[str]
+    stream: ClassVar[str]
+    options_model: ClassVar[type[SensorOptions]]
+
+    def __init__(self, unit: str, options: O, line: Line) -> None:
+        self.unit = unit
+        self.options = options
+        self.line = line
+
+    @property
+    def private_states(self) -> tuple[PrivateState, ...]:
+        """The private states that this unit's observations involve."""
+        return ()
+
+    @property
+    def period_s(self) -> float | None:
+        """The time between readings; None where they come when they come (they are then never due)."""
+        return None
+
+    @abstractmethod
+    def observe(self, reading: Any, belief: Array | None) -> Sequence[Observed]:
+        """A reading as observations, linearised at `belief` (mean over [s, v, a, own private]) where the model is not linear."""
+
+    @abstractmethod
+    def open(self, world: World | None, from_s: float) -> Source:
+        """The readings from scenario time `from_s` on. Raises ValueError where the sensor has no such source."""
+
+
+class PeriodicSource(ABC):
+    """Readings on the grid n · period, from the first grid time ≥ `from_s` to `end_s`."""
+
+    def __init__(self, period_s: float, from_s: float, end_s: float) -> None:
+        self.period_s = period_s
+        self._index = max(0, math.ceil(from_s / period_s - 1e-9))
+        self._end_s = end_s
+
+    def next_s(self) -> float | None:
+        """The next grid time; None after the end."""
+        t = self._index * self.period_s
+        return t if t <= self._end_s else None
+
+    def read(self) -> Measured | None:
+        """The reading at the next grid time."""
+        index, t = self._index, self._index * self.period_s
+        self._index += 1
+        return self.sample(index, t)
+
+    @abstractmethod
+    def sample(self, index: int, t_s: float) -> Measured | None:
+        """The reading number `index`, taken at `t_s`."""

@@ -1,0 +1,116 @@
+"""Recordings: a log of GNSS fixes as a list, and the motion that its trustworthy fixes show."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+
+import numpy as np
+
+from milepost.estimation.kalman import predict, update
+from milepost.estimation.layout import Array
+from milepost.estimation.motion import process_noise, transition
+from milepost.estimation.track import Track
+
+from .motion import KnotMotion
+
+# how receivers name their solutions in a log, and what each means
+SOLUTIONS = {
+    "NARROW_INT": "rtk_fixed",
+    "WIDE_INT": "rtk_fixed",
+    "NARROW_FLOAT": "rtk_float",
+    "L1_FLOAT": "rtk_float",
+    "PSRDIFF": "differential",
+    "SINGLE": "single",
+    "PROPAGATED": "propagated",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class RecordedFix:
+    """One row of a GNSS log; `t_s` counts from the first row."""
+
+    t_s: float
+    latitude_deg: float
+    longitude_deg: float
+    solution: str
+
+
+def read_gnss_log(path: Path) -> list[RecordedFix]:
+    """The fixes of a log, in order of time.
+
+    Columns: `time_utc` (ISO 8601), `latitude_deg`, `longitude_deg`, `position_type`. Raises ValueError naming file, line
+    and field for what it cannot read.
+    """
+    fixes: list[RecordedFix] = []
+    start: float | None = None
+    with path.open(newline="", encoding="utf-8") as file:
+        for number, row in enumerate(csv.DictReader(file), start=2):
+            field = "time_utc"
+            try:
+                # the receiver stamps on a grid of tenths; ISO text carries them to the millisecond
+                t = datetime.fromisoformat(row["time_utc"].replace("Z", "+00:00")).timestamp()
+                start = t if start is None else start
+                field = "latitude_deg"
+                latitude = float(row[field])
+                field = "longitude_deg"
+                longitude = float(row[field])
+                field = "position_type"
+                solution = _solution(row[field])
+            except (KeyError, ValueError, TypeError, AttributeError) as error:
+                raise ValueError(f"{path}: line {number}: {field}: {error}") from error
+            fixes.append(RecordedFix(round(t - start, 3), latitude, longitude, solution))
+    if len(fixes) < 2:
+        raise ValueError(f"{path}: fewer than two fixes")
+    return sorted(fixes, key=lambda fix: fix.t_s)
+
+
+def _solution(position_type: str) -> str:
+    for prefix, solution in SOLUTIONS.items():
+        if position_type.startswith(prefix):
+            return solution
+    return "none"
+
+
+def smooth_motion(fixes: Sequence[RecordedFix], track: Track, fix_std_m: float, jerk_psd: float) -> KnotMotion:
+    """The motion that a log's RTK-fixed positions show: a Rauch-Tung-Striebel smoother over their chainages.
+
+    Forward: the Kalman filter of `estimation.kalman` with z = chainage, R = `fix_std_m`². Backward, from the last fix:
+    C = P_k Fᵀ P̄_{k+1}⁻¹, x_k ← x_k + C (x_{k+1} - x̄_{k+1}). Gaps in the fixes are bridged by the quintic between their ends.
+    Raises ValueError with fewer than four such fixes. Source: Rauch, Tung and Striebel, AIAA J. 3(8), 1965.
+    """
+    good = [fix for fix in fixes if fix.solution == "rtk_fixed"]
+    if len(good) < 4:
+        raise ValueError("fewer than four RTK-fixed positions: they show no motion")
+    times = np.array([fix.t_s for fix in good])
+    chainage = np.array([track.project(fix.latitude_deg, fix.longitude_deg).position_m for fix in good])
+    h = np.array([1.0, 0.0, 0.0])
+    x = np.array([chainage[0], (chainage[3] - chainage[0]) / (times[3] - times[0]), 0.0])
+    P = np.diag([1.0, 4.0, 1.0])
+    before: list[tuple[Array, Array, Array]] = []
+    after: list[tuple[Array, Array]] = []
+    for k, z in enumerate(chainage):
+        F = np.eye(3)
+        if k:
+            dt = float(times[k] - times[k - 1])
+            F = transition(dt)
+            x, P = predict(x, P, F, process_noise(dt, jerk_psd))
+        before.append((x, P, F))
+        x, P = update(x, P, h, float(z), fix_std_m**2)
+        after.append((x, P))
+    smooth = [after[-1][0]]
+    for k in range(len(after) - 2, -1, -1):
+        x_bar, P_bar, F = before[k + 1]
+        C = np.linalg.solve(P_bar, F @ after[k][1]).T
+        smooth.append(after[k][0] + C @ (smooth[-1] - x_bar))
+    knots = np.array(smooth[::-1])
+    # before the first trustworthy fix the train is carried back at its first speed, so that time starts at 0
+    if times[0] > 0.0:
+        s, v, a = knots[0]
+        t = -times[0]
+        knots = np.vstack([[s + v * t + 0.5 * a * t * t, v + a * t, a], knots])
+        times = np.concatenate([[0.0], times])
+    return KnotMotion(times, knots)
