@@ -5,12 +5,12 @@ from .estimate import AbsoluteFix, Estimate, Feedback, LinearObservation
 from .health import Event, Health, Spread
 from .message import COMMON_STATES, Gaussian, Message, Part
 from .reading import BaliseTelegram, PositionReading, SpeedReading
-from .state import BalisePassed, FusedState, SensorExcluded, SensorInUse, Truth
+from .state import BalisePassed, FusedState, SensorExcluded, SensorInUse, SimulationStart, Truth
 from .streams import BY_NAME, ROOT, STREAMS, Stream, alive_key, rpc_key, simulation_start_key
 
 __all__ = [
     "BY_NAME", "COMMON_STATES", "ROOT", "STREAMS", "AbsoluteFix", "BalisePassed", "BaliseTelegram", "Estimate", "Event", "Feedback",
     "FusedState", "Gaussian", "Health", "LinearObservation", "Message", "Part", "PositionReading", "Refused",
-    "SensorExcluded", "SensorInUse", "SpeedReading", "Spread", "Stream", "Truth", "alive_key", "decode", "encode",
+    "SensorExcluded", "SensorInUse", "SimulationStart", "SpeedReading", "Spread", "Stream", "Truth", "alive_key", "decode", "encode",
     "from_fields", "rpc_key", "simulation_start_key",
 ]

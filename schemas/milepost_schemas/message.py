@@ -28,37 +28,44 @@ def check_covariance(matrix: list[list[float]]) -> list[list[float]]:
     matter; pivots down to -1e-9 pass as rounding. Raises ValueError otherwise.
     """
     n = len(matrix)
-    if n == 0 or any(len(row) != n for row in matrix):
+    if n == 0 or any([len(row) != n for row in matrix]):
         raise ValueError("a covariance must be square and not empty")
-    scale = [matrix[i][i] for i in range(n)]
-    if min(scale) < 0.0:
-        raise ValueError("a covariance cannot have a negative variance")
-    root = [value**0.5 for value in scale]
-    factor: list[list[float]] = []
+    root = []
     for i in range(n):
-        row: list[float] = []
-        for j in range(i + 1):
-            value, size = matrix[i][j], root[i] * root[j]
-            if abs(value - matrix[j][i]) > 1e-9 * (size + 1e-300):
+        variance = matrix[i][i]
+        if variance < 0.0:
+            raise ValueError("a covariance cannot have a negative variance")
+        root.append(variance**0.5)
+    factor: list[list[float]] = []
+    for i, row in enumerate(matrix):
+        done: list[float] = []
+        for j in range(i):
+            size = root[i] * root[j]
+            if abs(row[j] - matrix[j][i]) > 1e-9 * size:
                 raise ValueError("a covariance must be symmetric")
-            if size == 0.0:
-                if value != 0.0:
-                    raise ValueError("a covariance must be positive semi-definite")
-                row.append(0.0)
-                continue
-            rest = value / size - sum(a * b for a, b in zip(row, factor[j] if j < i else row, strict=False))
-            if j < i:
-                # a pivot of zero leaves nothing to divide by; what remains must then be zero too
-                pivot = factor[j][j]
-                if pivot == 0.0 and abs(rest) > 1e-6:
-                    raise ValueError("a covariance must be positive semi-definite")
-                row.append(rest / pivot if pivot else 0.0)
-            else:
-                if rest < -1e-9:
-                    raise ValueError("a covariance must be positive semi-definite")
-                row.append(max(rest, 0.0) ** 0.5)
-        factor.append(row)
+            rest = row[j] / size if size else _zero(row[j])
+            above = factor[j]
+            for k in range(j):
+                rest -= done[k] * above[k]
+            pivot = above[j]
+            done.append(rest / pivot if pivot > 1e-6 else 0.0)
+            # where the pivot has vanished there is nothing to divide by, and nothing may be left
+            if pivot <= 1e-6 and abs(rest) > 2e-6:
+                raise ValueError("a covariance must be positive semi-definite")
+        left = 1.0 if root[i] else 0.0
+        for value in done:
+            left -= value * value
+        if left < -1e-9:
+            raise ValueError("a covariance must be positive semi-definite")
+        done.append(left**0.5 if left > 0.0 else 0.0)
+        factor.append(done)
     return matrix
+
+
+def _zero(value: float) -> float:
+    if value != 0.0:
+        raise ValueError("a covariance must be positive semi-definite")
+    return 0.0
 
 
 Covariance = Annotated[list[list[float]], AfterValidator(check_covariance)]

@@ -6,7 +6,7 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
-from .message import AccelerationMps2, Count, Covariance, Message, Name, NonNegative, Part, PositionM, Share, SpeedMps
+from .message import AccelerationMps2, Count, Covariance, Message, Name, NonNegative, Part, PositionM, Share, SpeedMps, TimeNs
 
 Status = Literal["initialising", "normal", "degraded", "coasting", "lost"]
 Direction = Literal["forward", "backward", "standstill", "unknown"]
@@ -73,6 +73,14 @@ class FusedState(Message):
         if not self.speed_min_mps <= self.speed_mps <= self.speed_max_mps:
             raise ValueError("speed_mps must lie in its interval")
         return self
+
+
+class SimulationStart(Part):
+    """`world`'s answer: scenario time 0 in UTC, how fast scenario time runs, and when it ends."""
+
+    start_ns: TimeNs
+    speed: Annotated[float, Field(gt=0.0, le=1000.0)]
+    end_ns: TimeNs
 
 
 class Truth(Message):

@@ -17,7 +17,8 @@ from .timeline import NS, Counters, Observation
 
 # beliefs to remember for each unit: enough to find the last one before an epoch that waited out its deadline
 KEPT_BELIEFS = 64
-Belief = tuple[int, Array, Array]
+Lists = tuple[list[float], list[list[float]]]
+Belief = tuple[int, list[float], list[list[float]]]
 
 
 class FusionRule(Protocol):
@@ -29,7 +30,7 @@ class FusionRule(Protocol):
     def take_estimate(self, unit: str, belief: Belief, observations: Sequence[Observation], now_ns: int) -> list[str | None]: ...
     def take_fix(self, fix: Observation, now_ns: int) -> str | None: ...
     def start_from(self, at_ns: int, mean: Array, covariance: Array) -> None: ...
-    def state_at(self, at_ns: int, shares: Mapping[str, float]) -> tuple[Array, Array] | None: ...
+    def state_at(self, at_ns: int, shares: Mapping[str, float]) -> Lists | None: ...
     def advance_to(self, now_ns: int) -> None: ...
 
 
@@ -57,9 +58,9 @@ class InformationFusion:
         """Continue from an earlier fused state."""
         self.estimator.start_from(at_ns, mean, covariance)
 
-    def state_at(self, at_ns: int, shares: Mapping[str, float]) -> tuple[Array, Array] | None:  # noqa: ARG002
+    def state_at(self, at_ns: int, shares: Mapping[str, float]) -> Lists | None:  # noqa: ARG002
         """The belief over all states from all observations until then."""
-        return self.estimator.state_at(at_ns)
+        return self.estimator.lists_at(at_ns)
 
     def advance_to(self, now_ns: int) -> None:
         """Fold what is settled."""
@@ -106,7 +107,7 @@ class FederatedFusion:
     def start_from(self, at_ns: int, mean: Array, covariance: Array) -> None:
         """Nothing to do: the filters' beliefs contain it."""
 
-    def state_at(self, at_ns: int, shares: Mapping[str, float]) -> tuple[Array, Array] | None:
+    def state_at(self, at_ns: int, shares: Mapping[str, float]) -> Lists | None:
         """Equations (12)-(13) over the reporting units, then the fixes that are waiting."""
         beliefs = [b for unit, share in shares.items() if share > 0.0 and (b := self._carried(unit, at_ns, share)) is not None]
         if not beliefs:
@@ -117,15 +118,15 @@ class FederatedFusion:
             row = row_now(fix.row, age)
             mean, covariance = update(mean, covariance, row, fix.value, fix.variance)
         self._fixes = [f for f in self._fixes if f.measured_at_ns > at_ns]
-        return mean, covariance
+        return mean.tolist(), covariance.tolist()
 
     def _carried(self, unit: str, at_ns: int, share: float) -> tuple[Array, Array] | None:
         kept = self._beliefs.get(unit, [])
         place = bisect_right(kept, at_ns, key=lambda b: b[0])
         if not place:
             return None
-        from_ns, mean, covariance = kept[place - 1]
-        mean, covariance = mean[:3], covariance[:3, :3]
+        from_ns = kept[place - 1][0]
+        mean, covariance = np.array(kept[place - 1][1])[:3], np.array(kept[place - 1][2])[:3, :3]
         if at_ns == from_ns:
             return mean, covariance
         kernel = kernel_for(self._common, self._jerk_psd / share)

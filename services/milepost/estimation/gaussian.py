@@ -8,7 +8,9 @@ from .layout import N_COMMON, Array
 
 
 def marginal(mean: Array, covariance: Array, places: tuple[int, ...]) -> tuple[Array, Array]:
-    """The marginal over the states at `places`: mean (m), covariance (m, m)."""
+    """The marginal over the states at `places`, increasing: mean (m), covariance (m, m)."""
+    if len(places) == len(mean):
+        return mean, covariance
     index = list(places)
     return mean[index], covariance[np.ix_(index, index)]
 

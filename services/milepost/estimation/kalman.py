@@ -47,6 +47,10 @@ class ArrayKernel:
         """The mean (n) and covariance (n, n) of a belief."""
         return state
 
+    def lists(self, state: tuple[Array, Array]) -> tuple[list[float], list[list[float]]]:
+        """The mean (n) and covariance (n, n) of a belief as lists, for messages."""
+        return state[0].tolist(), state[1].tolist()
+
     def advance(self, state: tuple[Array, Array], dt_s: float) -> tuple[Array, Array]:
         """The belief `dt_s` seconds later."""
         F = full_transition(dt_s, self.layout)

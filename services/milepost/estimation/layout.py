@@ -13,6 +13,7 @@ Array = NDArray[np.float64]
 
 COMMON = ("position_m", "speed_mps", "acceleration_mps2")
 N_COMMON = len(COMMON)
+PLACES_OF_COMMON = (0, 1, 2)
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,33 +33,28 @@ class PrivateState:
 
 @dataclass(frozen=True)
 class Layout:
-    """The order of all states: [s, v, a, block of unit 1, block of unit 2, ...]."""
+    """The order of all states: [s, v, a, block of unit 1, block of unit 2, ...].
+
+    `private`: all private states, in order; `dimension` n; `names`: the common ones, then `unit.state`; `indices`: for each
+    unit with a block, the places of [s, v, a, its own].
+    """
 
     blocks: tuple[tuple[str, tuple[PrivateState, ...]], ...] = ()
+    private: tuple[PrivateState, ...] = field(init=False, repr=False, compare=False)
+    dimension: int = field(init=False, repr=False, compare=False)
+    names: list[str] = field(init=False, repr=False, compare=False)
     indices: dict[str, tuple[int, ...]] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         places: dict[str, tuple[int, ...]] = {}
-        at = N_COMMON
+        names = list(COMMON)
         for unit, states in self.blocks:
-            places[unit] = (0, 1, 2, *range(at, at + len(states)))
-            at += len(states)
+            places[unit] = (0, 1, 2, *range(len(names), len(names) + len(states)))
+            names += [f"{unit}.{state.name}" for state in states]
+        object.__setattr__(self, "private", tuple(state for _, states in self.blocks for state in states))
+        object.__setattr__(self, "dimension", len(names))
+        object.__setattr__(self, "names", names)
         object.__setattr__(self, "indices", places)
-
-    @property
-    def private(self) -> tuple[PrivateState, ...]:
-        """All private states, in order."""
-        return tuple(state for _, states in self.blocks for state in states)
-
-    @property
-    def dimension(self) -> int:
-        """The number of states n."""
-        return N_COMMON + len(self.private)
-
-    @property
-    def names(self) -> list[str]:
-        """The states' names: the common ones, then `unit.state`."""
-        return [*COMMON, *(f"{unit}.{state.name}" for unit, states in self.blocks for state in states)]
 
     def only(self, units: Iterable[str]) -> Layout:
         """The layout that holds the blocks of these units alone."""
@@ -67,7 +63,7 @@ class Layout:
 
     def lift(self, unit: str, row: tuple[float, ...]) -> tuple[float, ...]:
         """A row h over [s, v, a, own private] as a row over all states. Raises ValueError where the size does not fit."""
-        places = self.indices.get(unit, (0, 1, 2))
+        places = self.indices.get(unit, PLACES_OF_COMMON)
         if len(row) != len(places):
             raise ValueError(f"{unit}: a row has {len(places)} entries here, not {len(row)}")
         if len(row) == self.dimension:

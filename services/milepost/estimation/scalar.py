@@ -31,6 +31,11 @@ class ScalarKernel:
         s, v, a, p00, p01, p02, p11, p12, p22 = state
         return np.array([s, v, a]), np.array([[p00, p01, p02], [p01, p11, p12], [p02, p12, p22]])
 
+    def lists(self, state: Scalars) -> tuple[list[float], list[list[float]]]:
+        """The mean (3) and covariance (3, 3) of a belief as lists, for messages."""
+        s, v, a, p00, p01, p02, p11, p12, p22 = state
+        return [s, v, a], [[p00, p01, p02], [p01, p11, p12], [p02, p12, p22]]
+
     def advance(self, state: Scalars, dt_s: float) -> Scalars:
         """The belief `dt_s` seconds later: x ← F x, P ← F P Fᵀ + Q."""
         s, v, a, p00, p01, p02, p11, p12, p22 = state

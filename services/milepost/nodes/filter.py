@@ -65,15 +65,15 @@ class FilterNode(Node):
         if offered and not counted:
             return
         self._latest_ns = max(self._latest_ns, reading.measured_at_ns)
-        state = estimator.state_at(self._latest_ns)
+        state = estimator.lists_at(self._latest_ns)
         if state is None:
             return
         yield Output("estimate", self.unit, self._estimate(counted, *state, now_ns))
 
-    def _estimate(self, counted: list[Observation], mean: Any, covariance: Any, now_ns: int) -> Estimate:
+    def _estimate(self, counted: list[Observation], mean: list[float], covariance: list[list[float]], now_ns: int) -> Estimate:
         return Estimate(
             **self.head("estimate", self._latest_ns, now_ns),
-            belief={"states": self._names, "mean": mean.tolist(), "covariance": covariance.tolist()},
+            belief={"states": self._names, "mean": mean, "covariance": covariance},
             observations=[
                 {
                     "sensor_instance": o.instance,

@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from milepost.estimation.fusion import RULES
+from milepost.estimation.fusion import RULES, Lists
 from milepost.estimation.integrity import interval
-from milepost.estimation.layout import Array, Layout
+from milepost.estimation.layout import Layout
 from milepost.estimation.estimator import Prior
 from milepost.estimation.timeline import Observation
 from milepost.estimation.track import Line
@@ -110,7 +110,7 @@ class FuserNode(Node):
             Observation(o.measured_at_ns, order, o.reading_sequence, o.sensor_instance, o.component, estimate.unit, tuple(o.row), o.value, o.variance)
             for o in estimate.observations
         ]
-        belief = (estimate.measured_at_ns, np.array(estimate.belief.mean), np.array(estimate.belief.covariance))
+        belief = (estimate.measured_at_ns, estimate.belief.mean, estimate.belief.covariance)
         try:
             reasons = self._rule.take_estimate(estimate.unit, belief, observations, now_ns)
         except ValueError as error:
@@ -173,7 +173,7 @@ class FuserNode(Node):
         head = self.head("state", epoch_ns, now_ns)
         yield Output("state", "", self._state(head, fused, presence, missing, settled=False))
         if self._settings.feedback:
-            body = {"states": self._rule.names, "mean": fused[0].tolist(), "covariance": fused[1].tolist()}
+            body = {"states": self._rule.names, "mean": fused[0], "covariance": fused[1]}
             head = self.head("feedback", epoch_ns, now_ns)
             yield Output("feedback", "", Feedback(**head, fused=body, shares=dict(presence.shares)))
 
@@ -200,10 +200,10 @@ class FuserNode(Node):
                 head |= {"measured_at_ns": at, "published_at_ns": at + horizon}
                 yield self._state(head, fused, presence, [], settled=True)
 
-    def _state(self, head: dict[str, Any], fused: tuple[Array, Array], presence: Presence, missing: list[str], *, settled: bool) -> FusedState:
+    def _state(self, head: dict[str, Any], fused: Lists, presence: Presence, missing: list[str], *, settled: bool) -> FusedState:
         settings, line = self._settings, self._line
         epoch_ns = head["measured_at_ns"]
-        (s, v, a), P = fused[0][:3].tolist(), fused[1][:3, :3].tolist()
+        (s, v, a), P = fused[0][:3], [row[:3] for row in fused[1][:3]]
         place = bisect_right(self._fixes, epoch_ns, key=lambda fix: fix[0])
         last = self._fixes[place - 1] if place else None
         low, high = interval(s, P[0][0], settings.sigmas, line.map_accuracy_m + (last[3] if last else 0.0))

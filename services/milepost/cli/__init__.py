@@ -1,0 +1,1 @@
+"""What a person types. One file for each command."""

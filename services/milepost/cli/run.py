@@ -1,0 +1,40 @@
+"""`milepost run`: one process."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from milepost.runtime.yaml_files import ConfigError
+
+
+def run_role(
+    role: str,
+    unit: str,
+    train_file: Path,
+    connect: list[str],
+    listen: list[str],
+    config: Path | None,
+    speed: float,
+    duration: float | None,
+    parent: int | None,
+) -> None:
+    """Run the router or one process of a train. Raises ConfigError."""
+    from milepost.runtime.process import ProcessOptions, run_process, run_router
+
+    if role == "router":
+        if config is not None and not config.is_file():
+            raise ConfigError(config, "", "no such file")
+        run_router(listen, config, parent)
+        return
+    from milepost.runtime.config import load_train
+    from milepost.runtime.roles import ROLES
+
+    if role not in ROLES:
+        raise ConfigError("run", "ROLE", f"{role!r} is none of router, {', '.join(ROLES)}")
+    train = load_train(train_file)
+    units = ROLES[role].units(train)
+    if not ROLES[role].per_unit:
+        unit = unit or role
+    if unit not in units:
+        raise ConfigError(train_file, "units", f"{unit or 'no unit'!r} has no {role}; there is {', '.join(units) or 'none'}")
+    run_process(train, role, unit, ProcessOptions(connect, speed, duration, parent))

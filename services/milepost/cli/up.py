@@ -1,0 +1,91 @@
+"""`milepost up`: a whole train on this machine."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+from milepost.runtime.config import load_train
+from milepost.runtime.process import set_up_log
+from milepost.runtime.supervisor import Supervisor, port_is_free, start_train
+from milepost.runtime.yaml_files import ConfigError
+
+from .listening import NoRouter, listening
+from .watch import STREAMS, Screen, show
+
+WAIT_FOR_ROUTER_S = 20.0
+
+
+class _Interrupted(Exception):
+    pass
+
+
+def run_up(train_file: Path, duration_s: float | None, speed: float, report: Path | None, headless: bool, listen: str) -> int:
+    """Start everything, show it, end it. Raises ConfigError before anything starts."""
+    train = load_train(train_file)
+    if train.file.world is not None:
+        train.world(1.0)
+    if report is not None and not report.parent.is_dir():
+        raise ConfigError(report, "", "its folder does not exist")
+    if not port_is_free(listen):
+        raise ConfigError("up", "--listen", f"{listen} is in use; is another `milepost up` running?")
+    set_up_log("up")
+
+    def interrupted(*_: object) -> None:
+        raise _Interrupted
+
+    signal.signal(signal.SIGTERM, interrupted)
+    signal.signal(signal.SIGINT, interrupted)
+    table = not headless and sys.stdout.isatty()
+    supervisor = Supervisor(Path(tempfile.gettempdir()) / f"milepost-{os.getpid()}.log" if table else None)
+    stalls = Path(tempfile.mkdtemp(prefix="milepost-")) / "stalls.jsonl"
+    screen = Screen()
+    try:
+        start_train(supervisor, train, listen, speed, duration_s)
+        if report is not None:
+            supervisor.start("sentinel", ["sentinel", "--stalls", str(stalls)], restart=False)
+            _wait_for_router(listen)
+            supervisor.start("observer", ["observe", "--report", str(report), "--stalls", str(stalls), "--connect", listen], restart=False)
+        if headless:
+            _loop(supervisor, screen, None)
+        else:
+            _wait_for_router(listen)
+            with listening([listen], STREAMS, train.name, screen.receive):
+                _loop(supervisor, screen, screen)
+    except _Interrupted:
+        pass
+    finally:
+        for number in (signal.SIGTERM, signal.SIGINT):
+            signal.signal(number, signal.SIG_IGN)
+        supervisor.stop()
+    return 0 if report is None or report.is_file() else 1
+
+
+def _wait_for_router(endpoint: str) -> None:
+    deadline = time.monotonic() + WAIT_FOR_ROUTER_S
+    while port_is_free(endpoint):
+        if time.monotonic() > deadline:
+            raise NoRouter(f"the router did not begin to listen on {endpoint}")
+        time.sleep(0.05)
+
+
+def _loop(supervisor: Supervisor, screen: Screen, shown: Screen | None) -> None:
+    """Until the train's processes have ended by themselves."""
+
+    def going() -> bool:
+        for sentence in supervisor.watch():
+            screen.say(sentence)
+            if shown is None or not sys.stdout.isatty():
+                print(f"milepost: {sentence}", file=sys.stderr, flush=True)
+        own = [c for c in supervisor.children if c.name not in ("router", "sentinel", "observer")]
+        return any(c.running or (c.restart and c.process.returncode != 0) for c in own)
+
+    if shown is not None:
+        show(shown, going)
+        return
+    while going():
+        time.sleep(0.2)

@@ -1,0 +1,120 @@
+"""The live table, for `milepost watch` and `milepost up`."""
+
+from __future__ import annotations
+
+import sys
+import time
+from typing import Any
+
+from rich.console import Console, Group
+from rich.live import Live
+from rich.table import Table
+from rich.text import Text
+
+from milepost_schemas import Event, FusedState, Health, Message, Truth
+
+from .listening import NoRouter, listening
+
+STYLES = {"normal": "green", "initialising": "cyan", "degraded": "yellow", "coasting": "yellow", "lost": "red"}
+STREAMS = ["state", "truth", "health", "event"]
+REFRESH_S = 0.25
+STALE_S = 1.0
+KEPT_EVENTS = 4
+
+
+class Screen:
+    """What was last heard, as a table."""
+
+    def __init__(self) -> None:
+        self.states: dict[str, tuple[FusedState, int]] = {}
+        self.truths: dict[str, dict[int, Truth]] = {}
+        self.healths: dict[tuple[str, str], Health] = {}
+        self.events: list[str] = []
+
+    def receive(self, stream: str, message: Message, now_ns: int) -> None:  # noqa: ARG002
+        """Take one message."""
+        if isinstance(message, FusedState):
+            self.states[message.train] = (message, now_ns)
+        elif isinstance(message, Truth):
+            kept = self.truths.setdefault(message.train, {})
+            kept[message.measured_at_ns] = message
+            while len(kept) > 64:
+                del kept[next(iter(kept))]
+        elif isinstance(message, Health):
+            self.healths[(message.train, message.unit)] = message
+        elif isinstance(message, Event):
+            self.say(f"{message.unit}: {message.text}")
+
+    def say(self, text: str) -> None:
+        """Show a sentence."""
+        self.events = [*self.events, f"{time.strftime('%H:%M:%S')} {text}"][-KEPT_EVENTS:]
+
+    def render(self) -> Group:
+        """The picture."""
+        if not self.states:
+            return Group(Text("waiting for a state ..."), *map(Text, self.events))
+        return Group(*(self._train(state, at) for state, at in self.states.values()), *(Text(e, style="dim") for e in self.events))
+
+    def _train(self, state: FusedState, received_ns: int) -> Group:
+        table = Table(title=f"{state.train} on {state.line}", title_justify="left", show_header=False, box=None, padding=(0, 2))
+        age_s = (time.time_ns() - received_ns) * 1e-9
+        status = Text(state.status, style=STYLES[state.status])
+        if age_s > STALE_S:
+            status = Text(f"stale: no state for {age_s:.0f} s", style="red")
+        table.add_row("status", status)
+        table.add_row("position", f"{state.position_m:12.3f} m    [{state.position_min_m:.2f}, {state.position_max_m:.2f}]")
+        table.add_row("speed", f"{state.speed_mps * 3.6:12.3f} km/h [{state.speed_min_mps * 3.6:.2f}, {state.speed_max_mps * 3.6:.2f}]")
+        if state.latitude_deg is not None and state.longitude_deg is not None:
+            table.add_row("place", f"{state.latitude_deg:12.6f}, {state.longitude_deg:.6f}")
+        if state.last_balise:
+            table.add_row("balise", f"{state.last_balise.balise_id:>12} {state.last_balise.distance_since_m:.1f} m ago")
+        truth = self.truths.get(state.train, {}).get(state.measured_at_ns)
+        if truth:
+            error, wrong = state.position_m - truth.position_m, state.speed_mps - truth.speed_mps
+            inside = state.position_min_m <= truth.position_m <= state.position_max_m
+            table.add_row("true error", f"{error:+12.3f} m, {wrong:+.4f} m/s, {'inside' if inside else 'OUTSIDE'} the interval")
+        return Group(table, self._sensors(state))
+
+    def _sensors(self, state: FusedState) -> Table:
+        table = Table(box=None, padding=(0, 2))
+        for column in ("sensor", "rate", "age", "share", "refused", "late", ""):
+            table.add_column(column, justify="left" if column in ("sensor", "") else "right")
+        shown: list[tuple[str, str, str, str]] = [(s.unit, f"{s.age_s * 1e3:.0f} ms", f"{s.share:.2f}", "") for s in state.sensors]
+        shown += [(e.unit, "", "", e.reason) for e in state.excluded]
+        for unit, age, share, reason in shown:
+            health = self.healths.get((state.train, f"filter-{unit}")) or self.healths.get((state.train, f"sensor-{unit}"))
+            rate = f"{sum(rate for name, rate in health.received_hz.items() if 'reading' in name):.0f} Hz" if health else ""
+            refused = str(sum(health.refused.values())) if health else ""
+            late = str(health.rewinds) if health else ""
+            awaited = "awaited" if unit in state.awaiting else ""
+            table.add_row(unit, rate, age, share, refused, late, Text(reason or awaited, style="yellow"))
+        return table
+
+
+def run_watch(connect: list[str]) -> int:
+    """Show the table until interrupted."""
+    screen = Screen()
+    try:
+        with listening(connect, STREAMS, "*", screen.receive):
+            show(screen, lambda: True)
+    except NoRouter as error:
+        print(f"milepost: {error}", file=sys.stderr)
+        return 1
+    except KeyboardInterrupt:
+        return 0
+    return 0
+
+
+def show(screen: Screen, going: Any) -> None:
+    """Draw the screen four times a second while `going()`; lines instead of a table where there is no terminal."""
+    console = Console()
+    if not console.is_terminal:
+        while going():
+            for state, _ in list(screen.states.values()):
+                console.print(f"{state.train} {state.status} {state.position_m:.2f} m {state.speed_mps * 3.6:.2f} km/h", highlight=False)
+            time.sleep(1.0)
+        return
+    with Live(screen.render(), console=console, auto_refresh=False) as live:
+        while going():
+            live.update(screen.render(), refresh=True)
+            time.sleep(REFRESH_S)

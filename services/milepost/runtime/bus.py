@@ -1,0 +1,168 @@
+"""Zenoh: one merged inbox, publishers with the stream table's quality of service, tokens, procedures."""
+
+from __future__ import annotations
+
+import json
+import queue
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+import zenoh
+import zenoh.ext
+
+from milepost_schemas import BY_NAME, Message, Refused, Stream, alive_key, decode, encode, rpc_key
+
+PRIORITIES = {
+    "real_time": zenoh.Priority.REAL_TIME,
+    "interactive_high": zenoh.Priority.INTERACTIVE_HIGH,
+    "data_high": zenoh.Priority.DATA_HIGH,
+    "data": zenoh.Priority.DATA,
+    "background": zenoh.Priority.BACKGROUND,
+}
+HEARTBEAT_S = 0.5
+
+
+@dataclass(frozen=True, slots=True)
+class Received:
+    """A sample as it came; decoding is the reader's work, not the network thread's."""
+
+    stream: Stream
+    sample: Any
+    at_utc_ns: int
+
+
+@dataclass(frozen=True, slots=True)
+class AliveChange:
+    """A process's token appeared or went."""
+
+    unit: str
+    instance: str
+    alive: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Question:
+    """A procedure call that waits for an answer."""
+
+    procedure: str
+    query: Any
+
+
+@dataclass(frozen=True, slots=True)
+class Stop:
+    """The process shall end."""
+
+
+Inbox = queue.SimpleQueue[Received | AliveChange | Question | Stop]
+
+
+@contextmanager
+def open_session(config: dict[str, Any]) -> Iterator[Any]:
+    """A Zenoh session that is closed whatever happens: without that, a crashed process would keep its token alive."""
+    zenoh.init_log_from_env_or("error")
+    with zenoh.open(zenoh.Config.from_json5(json.dumps(config))) as session:
+        yield session
+
+
+class ZenohBus:
+    """One process's side of the bus. Callbacks only enqueue: a slow one would stop all keys of the session."""
+
+    def __init__(self, session: Any, train: str) -> None:
+        self.session = session
+        self.train = train
+        self.inbox: Inbox = queue.SimpleQueue()
+        self._publishers: dict[tuple[str, str], Any] = {}
+        self._kept: list[Any] = []
+
+    def subscribe(self, stream_name: str, unit: str = "*") -> None:
+        """Receive a stream. Where its publishers remember, what an interruption lost is asked for again."""
+        stream = BY_NAME[stream_name]
+        put, now = self.inbox.put, time.time_ns
+
+        def receive(sample: Any) -> None:
+            put(Received(stream, sample, now()))
+
+        key = stream.key_for(self.train, unit)
+        if stream.cached and stream.rate_hz is None:
+            recovery = zenoh.ext.RecoveryConfig(heartbeat=True)
+            self._kept.append(zenoh.ext.declare_advanced_subscriber(self.session, key, receive, recovery=recovery))
+        else:
+            self._kept.append(self.session.declare_subscriber(key, receive))
+
+    def watch_tokens(self) -> None:
+        """Receive the coming and going of every process of the train, beginning with those that are there."""
+
+        def changed(sample: Any) -> None:
+            unit, instance = str(sample.key_expr).rsplit("/", 2)[-2:]
+            self.inbox.put(AliveChange(unit, instance, sample.kind == zenoh.SampleKind.PUT))
+
+        self._kept.append(self.session.liveliness().declare_subscriber(alive_key(self.train), changed, history=True))
+
+    def declare_alive(self, unit: str, instance: str) -> None:
+        """Show that this instance lives, until the session ends."""
+        self._kept.append(self.session.liveliness().declare_token(alive_key(self.train, unit, instance)))
+
+    def serve(self, procedure: str, unit: str) -> None:
+        """Receive calls of a procedure."""
+
+        def asked(query: Any) -> None:
+            self.inbox.put(Question(procedure, query))
+
+        self._kept.append(self.session.declare_queryable(rpc_key(self.train, procedure, unit), asked))
+
+    def publish(self, stream_name: str, unit: str, message: Message) -> None:
+        """Send a message on its stream's key. Never blocks: what cannot be sent is dropped, and sequence numbers show it."""
+        publisher = self._publishers.get((stream_name, unit))
+        if publisher is None:
+            publisher = self._publishers[(stream_name, unit)] = self._declare(BY_NAME[stream_name], unit)
+        publisher.put(encode(message))
+
+    def _declare(self, stream: Stream, unit: str) -> Any:
+        key = stream.key_for(self.train, unit)
+        quality = {
+            "encoding": zenoh.Encoding("application/msgpack").with_schema(f"{stream.message.SCHEMA}/{stream.message.VERSION}"),
+            "congestion_control": zenoh.CongestionControl.DROP,
+            "priority": PRIORITIES[stream.priority],
+            "express": True,
+        }
+        if not stream.cached:
+            return self.session.declare_publisher(key, **quality)
+        return zenoh.ext.declare_advanced_publisher(
+            self.session,
+            key,
+            cache=zenoh.ext.CacheConfig(stream.cached),
+            sample_miss_detection=zenoh.ext.MissDetectionConfig(heartbeat=HEARTBEAT_S),
+            publisher_detection=True,
+            **quality,
+        )
+
+    def ask(self, procedure: str, schema: type[Message], timeout_s: float) -> list[Message]:
+        """All answers to a procedure call; unreadable ones are left out."""
+        answers: list[Message] = []
+        for reply in self.session.get(rpc_key(self.train, procedure), timeout=timeout_s):
+            try:
+                if reply.ok is not None:
+                    answers.append(decode(reply.ok.payload.to_bytes(), schema))
+            except Refused:
+                continue
+        return answers
+
+
+def open_message(received: Received, train: str) -> Message:
+    """The message in a sample. Raises Refused for a wildcard key, a foreign schema, or a head that contradicts the key."""
+    stream, sample = received.stream, received.sample
+    key = str(sample.key_expr)
+    if "*" in key:
+        raise Refused("wildcard_key", f"put on {key}")
+    encoding = str(sample.encoding)
+    if encoding.startswith("application/msgpack;") and encoding != stream.message.encoding():
+        raise Refused("other_schema", f"{key}: {encoding}, expected {stream.message.encoding()}")
+    message: Message = decode(sample.payload.to_bytes(), stream.message)
+    if message.train != train:
+        raise Refused("other_train", f"{key}: says train {message.train}")
+    if stream.key.endswith("{unit}") and not key.endswith(f"/{message.unit}"):
+        raise Refused("other_unit", f"{key}: says unit {message.unit}")
+    return message

@@ -1,0 +1,136 @@
+"""One process from beginning to end: session, token, scenario time, node, signals."""
+
+from __future__ import annotations
+
+import json
+import logging
+import os
+import queue
+import signal
+import sys
+import uuid
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from milepost.nodes.base import Node
+from milepost.nodes.fuser import FuserNode
+from milepost_schemas import Feedback, SimulationStart
+
+from . import scenario_time, zenoh_config
+from .bus import Inbox, Stop, ZenohBus, open_session
+from .clock import Clock
+from .config import Train
+from .roles import NS, ROLES, Setting, process_name, processes
+from .runner import Runner
+
+log = logging.getLogger("milepost")
+# a former fuser's state older than this is worth less than the train file's prior
+FEEDBACK_WORTH_S = 60.0
+# listeners outlive the end of a simulation by this, to hear its last messages
+GRACE_NS = NS
+
+
+@dataclass(frozen=True)
+class ProcessOptions:
+    """What the command line says of a process."""
+
+    endpoints: list[str]
+    speed: float = 1.0
+    duration_s: float | None = None
+    parent: int | None = None
+
+
+def set_up_log(name: str) -> None:
+    """Log lines to standard error, with the process's name."""
+    logging.basicConfig(stream=sys.stderr, format=f"%(asctime)s {name}: %(message)s", datefmt="%H:%M:%S", level=logging.INFO, force=True)
+
+
+def stop_on_signals(inbox: Inbox) -> None:
+    """SIGTERM and SIGINT end the process through its inbox, so that the session closes and the token goes."""
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, lambda *_: inbox.put(Stop()))
+
+
+def run_process(train: Train, role_name: str, unit: str, options: ProcessOptions) -> None:
+    """Run one process of a train until it is stopped or its simulation ends. Raises ConfigError."""
+    role = ROLES[role_name]
+    name, instance = process_name(role_name, unit), uuid.uuid4().hex[:8]
+    set_up_log(name)
+    world = train.world(options.duration_s) if role.uses_world and train.file.world else None
+    # built once before anything is declared, so that a mistake in the configuration shows before anything starts
+    node = role.build(train, unit, Setting(instance, world))
+    # opening waits for a router inside Zenoh, where Python cannot see a signal
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    with open_session(zenoh_config.client(options.endpoints)) as session:
+        bus = ZenohBus(session, train.name)
+        stop_on_signals(bus.inbox)
+        _listen(bus, node, name)
+        bus.declare_alive(name, instance)
+        kept: Any = None
+        start: SimulationStart | None = None
+        if role_name == "world" and world is not None:
+            others = {p.name for p in processes(train)} - {name}
+            if not scenario_time.wait_for_processes(bus, others):
+                return
+            start = scenario_time.choose_start(world.motion.end_s, options.speed)
+            kept = scenario_time.announce(bus, start)
+        elif train.file.world is not None:
+            start = scenario_time.wait_for_start(bus)
+            if start is None:
+                return
+        clock = Clock(start)
+        if role.uses_world and start is not None:
+            from_s = max(0.0, (clock.now_ns() - start.start_ns) / NS)
+            node = role.build(train, unit, Setting(instance, world, start.start_ns, from_s))
+        if isinstance(node, FuserNode):
+            _catch_up(bus, node, clock)
+        end_ns = start.end_ns + GRACE_NS if start is not None else None
+        Runner(name, node, bus, clock, end_ns, options.parent).run()
+        del kept
+
+
+def _listen(bus: ZenohBus, node: Node, name: str) -> None:
+    for subscription in node.subscriptions:
+        bus.subscribe(subscription.stream, subscription.unit)
+    if isinstance(node, FuserNode):
+        bus.watch_tokens()
+    elif node.subscriptions:
+        bus.serve("latest_feedback", name)
+
+
+def _catch_up(bus: ZenohBus, node: FuserNode, clock: Clock) -> None:
+    """A restarted fuser continues from the last feedback that a filter remembers."""
+    answers = [a for a in bus.ask("latest_feedback", Feedback, 1.0) if isinstance(a, Feedback)]
+    if not answers:
+        return
+    latest = max(answers, key=lambda a: a.measured_at_ns)
+    age_s = (clock.now_ns() - latest.measured_at_ns) / NS
+    if age_s < FEEDBACK_WORTH_S and node.continue_from(latest):
+        log.info("continuing from the state of %.2f s ago", age_s)
+
+
+def run_router(listen: list[str], config_file: Path | None, parent: int | None = None) -> None:
+    """Run a Zenoh router until stopped, or until `parent` is no longer its parent."""
+    set_up_log("router")
+    config = zenoh_config.router(listen)
+    inbox: Inbox = queue.SimpleQueue()
+    stop_on_signals(inbox)
+    if config_file is not None:
+        config = _router_file(config_file)
+    with open_session(config):
+        log.info("listening on %s", ", ".join(config.get("listen", {}).get("endpoints", [])))
+        while parent is None or os.getppid() == parent:
+            try:
+                inbox.get(timeout=1.0)
+            except queue.Empty:
+                continue
+            return
+
+
+def _router_file(path: Path) -> dict[str, Any]:
+    import zenoh
+
+    loaded = zenoh.Config.from_file(str(path))
+    out: dict[str, Any] = json.loads(str(loaded))
+    return out

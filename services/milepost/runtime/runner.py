@@ -1,0 +1,111 @@
+"""Runs one node on Zenoh: inbox to step, deadlines to tick, outputs to keys, health once a second."""
+
+from __future__ import annotations
+
+import logging
+import os
+import queue
+import time
+from collections.abc import Iterable
+from typing import Any
+
+from milepost.nodes.base import Node, Output
+from milepost_schemas import Health, Refused, encode
+
+from .bus import AliveChange, Question, Received, Stop, ZenohBus, open_message
+from .clock import Clock
+from .meter import Meter
+
+HEALTH_NS = 1_000_000_000
+log = logging.getLogger("milepost")
+
+
+class Runner:
+    """The loop of a process. `name` is the process's; `parent` ends it when that process is no longer its parent."""
+
+    def __init__(self, name: str, node: Node, bus: ZenohBus, clock: Clock, end_ns: int | None = None, parent: int | None = None) -> None:
+        self._name = name
+        self._node = node
+        self._bus = bus
+        self._clock = clock
+        self._end_ns = end_ns
+        self._parent = parent
+        self._meter = Meter(clock.now_ns())
+        self._health_ns = clock.now_ns() + HEALTH_NS
+        self._health_sequence = 0
+        self._instances: dict[str, set[str]] = {}
+
+    def run(self) -> None:
+        """Until stopped, finished, or the simulation's end."""
+        node, inbox, clock = self._node, self._bus.inbox, self._clock
+        while not node.finished:
+            tick_ns = node.next_tick_ns()
+            wake_ns = self._health_ns if tick_ns is None else min(tick_ns, self._health_ns)
+            item: Any = None
+            try:
+                item = inbox.get(timeout=clock.wait_s(wake_ns))
+            except queue.Empty:
+                now_ns = clock.now_ns()
+            else:
+                if isinstance(item, Stop):
+                    return
+                now_ns = clock.at(item.at_utc_ns) if isinstance(item, Received) else clock.now_ns()
+            begun = time.perf_counter()
+            if item is not None:
+                self._take(item, now_ns)
+            if tick_ns is not None and now_ns >= tick_ns:
+                self._send(node.tick(now_ns))
+            self._meter.stepped(time.perf_counter() - begun)
+            if now_ns >= self._health_ns and not self._once_a_second(now_ns):
+                return
+
+    def _take(self, item: Received | AliveChange | Question, now_ns: int) -> None:
+        if isinstance(item, Received):
+            try:
+                message = open_message(item, self._bus.train)
+            except Refused as refused:
+                self._send(self._node.refuse(refused.reason, refused.detail, now_ns))
+                return
+            self._meter.received(item.stream.name, message, now_ns)
+            self._send(self._node.step(message, now_ns))
+        elif isinstance(item, AliveChange):
+            instances = self._instances.setdefault(item.unit, set())
+            (instances.add if item.alive else instances.discard)(item.instance)
+            self._node.unit_alive(item.unit, bool(instances))
+        else:
+            self._answer(item)
+
+    def _answer(self, question: Question) -> None:
+        with question.query as query:
+            answer = self._node.answer(question.procedure)
+            if answer is None:
+                query.reply_err(b"nothing to say yet")
+            else:
+                query.reply(query.key_expr, encode(answer))
+
+    def _send(self, outputs: Iterable[Output]) -> None:
+        for stream, unit, message in outputs:
+            self._bus.publish(stream, unit, message)
+            self._meter.sent(stream)
+            if stream == "event":
+                log.warning("%s", getattr(message, "text", ""))
+
+    def _once_a_second(self, now_ns: int) -> bool:
+        """Health; returns whether to go on."""
+        self._health_ns = now_ns + HEALTH_NS
+        body = self._meter.report(now_ns, dict(self._node.refusals.counts), self._node.rewinds)
+        health = Health(
+            train=self._bus.train,
+            unit=self._name,
+            instance=self._node.instance,
+            sequence=self._health_sequence,
+            measured_at_ns=now_ns,
+            published_at_ns=now_ns,
+            **body,
+        )
+        self._health_sequence += 1
+        self._bus.publish("health", self._name, health)
+        if self._parent is not None and os.getppid() != self._parent:
+            log.warning("the process that started this one is gone: ending")
+            return False
+        return self._end_ns is None or now_ns < self._end_ns

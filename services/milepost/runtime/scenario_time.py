@@ -1,0 +1,88 @@
+"""Simulated time has one owner: `world` says when scenario time began; everybody else waits for it."""
+
+from __future__ import annotations
+
+import logging
+import queue
+import time
+from typing import Any
+
+import msgpack
+
+from milepost_schemas import SimulationStart, simulation_start_key
+
+from .bus import AliveChange, Stop, ZenohBus
+
+log = logging.getLogger("milepost")
+LEAD_NS = 1_000_000_000
+GRID_NS = 100_000_000
+ASK_EVERY_S = 0.1
+SAY_WAITING_EVERY_S = 5.0
+WAIT_FOR_OTHERS_S = 30.0
+
+
+def wait_for_processes(bus: ZenohBus, names: set[str]) -> bool:
+    """Wait until every named process shows its token, so that nobody misses the beginning. Returns False when stopped."""
+    bus.watch_tokens()
+    missing = set(names)
+    deadline = time.monotonic() + WAIT_FOR_OTHERS_S
+    while missing:
+        left = deadline - time.monotonic()
+        if left <= 0.0:
+            log.warning("beginning without %s", ", ".join(sorted(missing)))
+            return True
+        try:
+            item = bus.inbox.get(timeout=left)
+        except queue.Empty:
+            continue
+        if isinstance(item, Stop):
+            return False
+        if isinstance(item, AliveChange) and item.alive:
+            missing.discard(item.unit)
+    return True
+
+
+def choose_start(length_s: float, speed: float) -> SimulationStart:
+    """Scenario time 0 shortly from now, on a round tenth of a second."""
+    start = (time.time_ns() + LEAD_NS) // GRID_NS * GRID_NS + GRID_NS
+    return SimulationStart(start_ns=start, speed=speed, end_ns=start + round(length_s * 1e9))
+
+
+def announce(bus: ZenohBus, start: SimulationStart) -> Any:
+    """Answer whoever asks when scenario time began. Keep what it returns."""
+    key = simulation_start_key(bus.train)
+    payload = msgpack.packb(start.__dict__)
+
+    def answer(query: Any) -> None:
+        with query:
+            query.reply(key, payload)
+
+    return bus.session.declare_queryable(key, answer)
+
+
+def wait_for_start(bus: ZenohBus) -> SimulationStart | None:
+    """Ask until `world` answers. Returns None when stopped meanwhile; what else came stays in the inbox."""
+    kept: list[Any] = []
+    try:
+        return _ask_until_answered(bus, kept)
+    finally:
+        for item in kept:
+            bus.inbox.put(item)
+
+
+def _ask_until_answered(bus: ZenohBus, kept: list[Any]) -> SimulationStart | None:
+    begun = said = time.monotonic()
+    while True:
+        for reply in bus.session.get(simulation_start_key(bus.train), timeout=1.0):
+            if reply.ok is not None:
+                return SimulationStart.model_validate(msgpack.unpackb(reply.ok.payload.to_bytes()))
+        if time.monotonic() - said > SAY_WAITING_EVERY_S:
+            said = time.monotonic()
+            log.warning("waiting for `world` to say when scenario time began (%.0f s)", said - begun)
+        try:
+            item = bus.inbox.get(timeout=ASK_EVERY_S)
+            if isinstance(item, Stop):
+                return None
+            kept.append(item)
+        except queue.Empty:
+            continue
