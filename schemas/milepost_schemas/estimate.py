@@ -8,7 +8,6 @@ from pydantic import Field
 
 from .message import Count, Gaussian, Message, Name, NonNegative, Part, PositionM, Share, TimeNs, Variance
 
-
 Coefficient = Annotated[float, Field(ge=-1e6, le=1e6)]
 
 

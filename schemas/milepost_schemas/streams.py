@@ -39,10 +39,16 @@ class Stream:
 
 
 STREAMS: tuple[Stream, ...] = (
-    Stream("speed_reading", "reading/{unit}", SpeedReading, 100.0, "interactive_high", 0, True, "speed from radar, loop or wheel"),
-    Stream("position_reading", "reading/{unit}", PositionReading, 2.5, "interactive_high", 0, True, "position from a GNSS receiver"),
+    Stream(
+        "speed_reading", "reading/{unit}", SpeedReading, 100.0, "interactive_high", 0, True, "speed from radar, loop or wheel"
+    ),
+    Stream(
+        "position_reading", "reading/{unit}", PositionReading, 2.5, "interactive_high", 0, True, "position from a GNSS receiver"
+    ),
     Stream("balise_telegram", "reading/{unit}", BaliseTelegram, None, "interactive_high", 0, True, "a balise under the reader"),
-    Stream("estimate", "estimate/{unit}", Estimate, 100.0, "interactive_high", 0, True, "a local filter's belief and observations"),
+    Stream(
+        "estimate", "estimate/{unit}", Estimate, 100.0, "interactive_high", 0, True, "a local filter's belief and observations"
+    ),
     Stream("fix", "fix/{unit}", AbsoluteFix, None, "interactive_high", 50, True, "an absolute position from a balise"),
     Stream("feedback", "feedback", Feedback, 50.0, "interactive_high", 50, True, "the fused state, back to the filters"),
     Stream("state", "state", FusedState, 50.0, "real_time", 50, True, "the product, for dispatch tools"),

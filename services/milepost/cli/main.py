@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Annotated, Optional
+from typing import Annotated
 
 import typer
 
@@ -21,7 +21,9 @@ app = typer.Typer(
 )
 
 TrainOption = Annotated[Path, typer.Option("--train", help="the train file")]
-ConnectOption = Annotated[list[str], typer.Option("--connect", envvar="MILEPOST_CONNECT", help="the router's endpoint; again for failover")]
+ConnectOption = Annotated[
+    list[str], typer.Option("--connect", envvar="MILEPOST_CONNECT", help="the router's endpoint; again for failover")
+]
 JsonOption = Annotated[bool, typer.Option("--json", help="print JSON")]
 HIDDEN = {"hidden": True}
 
@@ -29,9 +31,11 @@ HIDDEN = {"hidden": True}
 @app.command()
 def up(
     train: TrainOption = DEFAULT_TRAIN,
-    duration: Annotated[Optional[float], typer.Option("--duration", min=0.1, help="seconds of scenario time, then end")] = None,
+    duration: Annotated[float | None, typer.Option("--duration", min=0.1, help="seconds of scenario time, then end")] = None,
     speed: Annotated[float, typer.Option("--speed", min=0.01, max=1000.0, help="scenario time runs so much faster")] = 1.0,
-    report: Annotated[Optional[Path], typer.Option("--report", help="write what was measured to this JSON file at the end")] = None,
+    report: Annotated[
+        Path | None, typer.Option("--report", help="write what was measured to this JSON file at the end")
+    ] = None,
     headless: Annotated[bool, typer.Option("--headless", help="no live table")] = False,
     listen: Annotated[str, typer.Option("--listen", help="the endpoint of the embedded router")] = DEFAULT_ENDPOINT,
 ) -> None:
@@ -68,10 +72,14 @@ def run(
     train: TrainOption = DEFAULT_TRAIN,
     connect: ConnectOption = [DEFAULT_ENDPOINT],  # noqa: B006
     listen: Annotated[list[str], typer.Option("--listen", help="for the router: endpoints to listen on")] = [DEFAULT_ENDPOINT],  # noqa: B006
-    config: Annotated[Optional[Path], typer.Option("--config", help="for the router: a Zenoh configuration file instead")] = None,
-    speed: Annotated[float, typer.Option("--speed", min=0.01, max=1000.0, help="for the world: how fast scenario time runs")] = 1.0,
-    duration: Annotated[Optional[float], typer.Option("--duration", min=0.1, help="seconds of scenario time")] = None,
-    parent: Annotated[Optional[int], typer.Option("--parent", hidden=True)] = None,
+    config: Annotated[
+        Path | None, typer.Option("--config", help="for the router: a Zenoh configuration file instead")
+    ] = None,
+    speed: Annotated[
+        float, typer.Option("--speed", min=0.01, max=1000.0, help="for the world: how fast scenario time runs")
+    ] = 1.0,
+    duration: Annotated[float | None, typer.Option("--duration", min=0.1, help="seconds of scenario time")] = None,
+    parent: Annotated[int | None, typer.Option("--parent", hidden=True)] = None,
 ) -> None:
     """Run one process; what compose.yaml calls."""
     from .run import run_role
@@ -82,11 +90,11 @@ def run(
 @app.command()
 def evaluate(
     scenario: Annotated[Path, typer.Argument(help="a scenario file")],
-    seed: Annotated[Optional[int], typer.Option("--seed", min=0, help="another seed than the scenario's")] = None,
+    seed: Annotated[int | None, typer.Option("--seed", min=0, help="another seed than the scenario's")] = None,
     runs: Annotated[int, typer.Option("--runs", min=1, help="so many seeds, counting up; figures are medians and worst")] = 1,
     as_json: JsonOption = False,
-    plot: Annotated[Optional[Path], typer.Option("--plot", help="draw errors and intervals to this PNG file")] = None,
-    record: Annotated[Optional[Path], typer.Option("--record", help="keep every message in this JSON-lines file")] = None,
+    plot: Annotated[Path | None, typer.Option("--plot", help="draw errors and intervals to this PNG file")] = None,
+    record: Annotated[Path | None, typer.Option("--record", help="keep every message in this JSON-lines file")] = None,
 ) -> None:
     """Run a scenario offline, on the same nodes, and compare the estimators with the truth."""
     from .evaluate import run_evaluate
@@ -99,7 +107,9 @@ def rerun(
     readings: Annotated[Path, typer.Argument(help="recorded messages, one JSON object a line, in order of arrival")],
     out: Annotated[Path, typer.Option("--out", help="the settled states, one a line")],
     train: TrainOption = DEFAULT_TRAIN,
-    origin: Annotated[str, typer.Option("--from", help="`readings`: run filters, balise service and fuser; `estimates`: the fuser alone")] = "readings",
+    origin: Annotated[
+        str, typer.Option("--from", help="`readings`: run filters, balise service and fuser; `estimates`: the fuser alone")
+    ] = "readings",
 ) -> None:
     """Run recorded messages through the same nodes, as fast as it goes."""
     from .rerun import run_rerun

@@ -49,7 +49,9 @@ def run_up(train_file: Path, duration_s: float | None, speed: float, report: Pat
         if report is not None:
             supervisor.start("sentinel", ["sentinel", "--stalls", str(stalls)], restart=False)
             _wait_for_router(listen)
-            supervisor.start("observer", ["observe", "--report", str(report), "--stalls", str(stalls), "--connect", listen], restart=False)
+            supervisor.start(
+                "observer", ["observe", "--report", str(report), "--stalls", str(stalls), "--connect", listen], restart=False
+            )
         if headless:
             _loop(supervisor, screen, None)
         else:

@@ -53,7 +53,9 @@ class Screen:
         """The picture."""
         if not self.states:
             return Group(Text("waiting for a state ..."), *map(Text, self.events))
-        return Group(*(self._train(state, at) for state, at in self.states.values()), *(Text(e, style="dim") for e in self.events))
+        return Group(
+            *(self._train(state, at) for state, at in self.states.values()), *(Text(e, style="dim") for e in self.events)
+        )
 
     def _train(self, state: FusedState, received_ns: int) -> Group:
         table = Table(title=f"{state.train} on {state.line}", title_justify="left", show_header=False, box=None, padding=(0, 2))
@@ -63,7 +65,9 @@ class Screen:
             status = Text(f"stale: no state for {age_s:.0f} s", style="red")
         table.add_row("status", status)
         table.add_row("position", f"{state.position_m:12.3f} m    [{state.position_min_m:.2f}, {state.position_max_m:.2f}]")
-        table.add_row("speed", f"{state.speed_mps * 3.6:12.3f} km/h [{state.speed_min_mps * 3.6:.2f}, {state.speed_max_mps * 3.6:.2f}]")
+        table.add_row(
+            "speed", f"{state.speed_mps * 3.6:12.3f} km/h [{state.speed_min_mps * 3.6:.2f}, {state.speed_max_mps * 3.6:.2f}]"
+        )
         if state.latitude_deg is not None and state.longitude_deg is not None:
             table.add_row("place", f"{state.latitude_deg:12.6f}, {state.longitude_deg:.6f}")
         if state.last_balise:
@@ -79,7 +83,9 @@ class Screen:
         table = Table(box=None, padding=(0, 2))
         for column in ("sensor", "rate", "age", "share", "refused", "late", ""):
             table.add_column(column, justify="left" if column in ("sensor", "") else "right")
-        shown: list[tuple[str, str, str, str]] = [(s.unit, f"{s.age_s * 1e3:.0f} ms", f"{s.share:.2f}", "") for s in state.sensors]
+        shown: list[tuple[str, str, str, str]] = [
+            (s.unit, f"{s.age_s * 1e3:.0f} ms", f"{s.share:.2f}", "") for s in state.sensors
+        ]
         shown += [(e.unit, "", "", e.reason) for e in state.excluded]
         for unit, age, share, reason in shown:
             health = self.healths.get((state.train, f"filter-{unit}")) or self.healths.get((state.train, f"sensor-{unit}"))
@@ -111,7 +117,9 @@ def show(screen: Screen, going: Any) -> None:
     if not console.is_terminal:
         while going():
             for state, _ in list(screen.states.values()):
-                console.print(f"{state.train} {state.status} {state.position_m:.2f} m {state.speed_mps * 3.6:.2f} km/h", highlight=False)
+                console.print(
+                    f"{state.train} {state.status} {state.position_m:.2f} m {state.speed_mps * 3.6:.2f} km/h", highlight=False
+                )
             time.sleep(1.0)
         return
     with Live(screen.render(), console=console, auto_refresh=False) as live:

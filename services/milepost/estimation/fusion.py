@@ -27,7 +27,9 @@ class FusionRule(Protocol):
     names: list[str]
     counters: Counters
 
-    def take_estimate(self, unit: str, belief: Belief, observations: Sequence[Observation], now_ns: int) -> list[str | None]: ...
+    def take_estimate(
+        self, unit: str, belief: Belief, observations: Sequence[Observation], now_ns: int
+    ) -> list[str | None]: ...
     def take_fix(self, fix: Observation, now_ns: int) -> str | None: ...
     def start_from(self, at_ns: int, mean: Array, covariance: Array) -> None: ...
     def state_at(self, at_ns: int, shares: Mapping[str, float]) -> Lists | None: ...
@@ -143,4 +145,7 @@ def row_now(row: tuple[float, ...], age_s: float) -> Array:
     return np.asarray(np.array(row[:3]) @ transition(-age_s))
 
 
-RULES: dict[str, type[InformationFusion] | type[FederatedFusion]] = {"information": InformationFusion, "federated": FederatedFusion}
+RULES: dict[str, type[InformationFusion] | type[FederatedFusion]] = {
+    "information": InformationFusion,
+    "federated": FederatedFusion,
+}

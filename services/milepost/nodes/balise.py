@@ -25,7 +25,9 @@ class BaliseNode(Node):
         balise = self._balises.get(message.balise_id)
         if balise is None:
             self.refusals.add("unknown_balise")
-            yield self.event("warning", "unknown_balise", f"{message.unit} read {message.balise_id}, which the line does not have", now_ns)
+            yield self.event(
+                "warning", "unknown_balise", f"{message.unit} read {message.balise_id}, which the line does not have", now_ns
+            )
             return
         fix = AbsoluteFix(
             **self.head("fix", message.measured_at_ns, now_ns),

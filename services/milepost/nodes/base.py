@@ -68,7 +68,7 @@ class Node:
         """When `tick` wants to be called next; None: never."""
         return None
 
-    def unit_alive(self, unit: str, alive: bool) -> None:  # noqa: B027
+    def unit_alive(self, unit: str, alive: bool) -> None:
         """A process's liveliness token appeared or went."""
 
     def answer(self, procedure: str) -> Message | None:  # noqa: ARG002

@@ -61,7 +61,9 @@ class FilterNode(Node):
         counted = self._filter.take(offered, now_ns)
         for reason, count in estimator.counters.refused.items():
             if count != refused.get(reason, 0):
-                yield from self.refuse(reason, f"{self.unit}: reading {reading.sequence} of {reading.instance}: {reason}", now_ns)
+                yield from self.refuse(
+                    reason, f"{self.unit}: reading {reading.sequence} of {reading.instance}: {reason}", now_ns
+                )
         if offered and not counted:
             return
         self._latest_ns = max(self._latest_ns, reading.measured_at_ns)

@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
+from milepost.estimation.estimator import Prior
 from milepost.estimation.fusion import RULES, Lists
 from milepost.estimation.integrity import interval
 from milepost.estimation.layout import Layout
-from milepost.estimation.estimator import Prior
 from milepost.estimation.timeline import Observation
 from milepost.estimation.track import Line
 from milepost_schemas import AbsoluteFix, Estimate, Feedback, FusedState, Message
@@ -107,7 +107,17 @@ class FuserNode(Node):
             yield from self.refuse("unknown_unit", f"{estimate.unit} is not in the train file", now_ns)
             return
         observations = [
-            Observation(o.measured_at_ns, order, o.reading_sequence, o.sensor_instance, o.component, estimate.unit, tuple(o.row), o.value, o.variance)
+            Observation(
+                o.measured_at_ns,
+                order,
+                o.reading_sequence,
+                o.sensor_instance,
+                o.component,
+                estimate.unit,
+                tuple(o.row),
+                o.value,
+                o.variance,
+            )
             for o in estimate.observations
         ]
         belief = (estimate.measured_at_ns, estimate.belief.mean, estimate.belief.covariance)
@@ -126,7 +136,15 @@ class FuserNode(Node):
             return
         row = (1.0, 0.0, 0.0)
         observation = Observation(
-            fix.measured_at_ns, order, fix.reading_sequence, fix.reader_instance, 0, fix.reader, row, fix.position_m, fix.position_variance_m2
+            fix.measured_at_ns,
+            order,
+            fix.reading_sequence,
+            fix.reader_instance,
+            0,
+            fix.reader,
+            row,
+            fix.position_m,
+            fix.position_variance_m2,
         )
         reason = self._rule.take_fix(observation, now_ns)
         if reason is None:
@@ -200,7 +218,9 @@ class FuserNode(Node):
                 head |= {"measured_at_ns": at, "published_at_ns": at + horizon}
                 yield self._state(head, fused, presence, [], settled=True)
 
-    def _state(self, head: dict[str, Any], fused: Lists, presence: Presence, missing: list[str], *, settled: bool) -> FusedState:
+    def _state(
+        self, head: dict[str, Any], fused: Lists, presence: Presence, missing: list[str], *, settled: bool
+    ) -> FusedState:
         settings, line = self._settings, self._line
         epoch_ns = head["measured_at_ns"]
         (s, v, a), P = fused[0][:3], [row[:3] for row in fused[1][:3]]
@@ -226,7 +246,9 @@ class FuserNode(Node):
             line_hash=self._line_hash,
             latitude_deg=latitude,
             longitude_deg=longitude,
-            last_balise=None if last is None else {"balise_id": last[1], "position_m": last[2], "distance_since_m": s - last[2]},
+            last_balise=None
+            if last is None
+            else {"balise_id": last[1], "position_m": last[2], "distance_since_m": s - last[2]},
             sensors=[{"unit": u, "share": presence.shares[u], "age_s": age} for u, age in presence.ages_s.items()],
             excluded=[{"unit": u, "reason": reason} for u, reason in presence.excluded.items()],
             awaiting=missing,

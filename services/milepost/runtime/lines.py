@@ -60,7 +60,12 @@ def load_line(path: Path) -> Line:
     if length is None:
         raise ConfigError(path, "length_m", "needed where there is no geojson")
     balises = _balises(path, file, length)
-    content = {"line": file.line, "length_m": length, "points": points, "balises": [[b.balise_id, b.position_m] for b in balises]}
+    content = {
+        "line": file.line,
+        "length_m": length,
+        "points": points,
+        "balises": [[b.balise_id, b.position_m] for b in balises],
+    }
     return Line(file.line, length, balises, file.map_accuracy_m, track, content)
 
 
@@ -68,7 +73,9 @@ def _balises(path: Path, file: LineFile, length_m: float) -> tuple[Balise, ...]:
     if isinstance(file.balises, BaliseRule):
         rule = file.balises
         count = int((length_m - rule.from_m) / rule.every_m) + 1
-        return tuple(Balise(f"{rule.prefix}{i + 1:05d}", rule.from_m + i * rule.every_m, rule.location_accuracy_m) for i in range(count))
+        return tuple(
+            Balise(f"{rule.prefix}{i + 1:05d}", rule.from_m + i * rule.every_m, rule.location_accuracy_m) for i in range(count)
+        )
     seen: set[str] = set()
     for i, row in enumerate(file.balises):
         if row.id in seen:

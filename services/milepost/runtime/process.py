@@ -43,7 +43,9 @@ class ProcessOptions:
 
 def set_up_log(name: str) -> None:
     """Log lines to standard error, with the process's name."""
-    logging.basicConfig(stream=sys.stderr, format=f"%(asctime)s {name}: %(message)s", datefmt="%H:%M:%S", level=logging.INFO, force=True)
+    logging.basicConfig(
+        stream=sys.stderr, format=f"%(asctime)s {name}: %(message)s", datefmt="%H:%M:%S", level=logging.INFO, force=True
+    )
 
 
 def stop_on_signals(inbox: Inbox) -> None:

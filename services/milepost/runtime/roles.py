@@ -53,7 +53,9 @@ class Role:
 def _world(train: Train, unit: str, setting: Setting) -> Node:  # noqa: ARG001
     if setting.world is None:
         raise ConfigError(train.path, "world", "needed for the role `world`")
-    return WorldNode(train.name, setting.instance, setting.world.motion, setting.start_ns, train.file.fusion.period_ms * 1_000_000)
+    return WorldNode(
+        train.name, setting.instance, setting.world.motion, setting.start_ns, train.file.fusion.period_ms * 1_000_000
+    )
 
 
 def _sensor(train: Train, unit: str, setting: Setting) -> Node:
@@ -69,7 +71,11 @@ def _filter(train: Train, unit: str, setting: Setting) -> Node:
     sensor, fusion = train.sensors[unit], train.file.fusion
     share = _shares(train).get(unit, 0.0) if fusion.feedback else 1.0
     estimator = Estimator(
-        full_layout(train).only([unit]), train.file.motion_model.jerk_psd_m2ps5, prior(train), round(fusion.horizon_s * NS), share or 1.0
+        full_layout(train).only([unit]),
+        train.file.motion_model.jerk_psd_m2ps5,
+        prior(train),
+        round(fusion.horizon_s * NS),
+        share or 1.0,
     )
     local = FILTERS[sensor.options.filter](estimator)
     return FilterNode(train.name, setting.instance, sensor, local, list(train.sensors).index(unit), fusion.feedback)
@@ -105,7 +111,9 @@ def fuser_settings(train: Train) -> FuserSettings:
     """What the train file says of fusion, as the fuser's node takes it."""
     fusion = train.file.fusion
     rows = [
-        UnitRow(unit, order, None if sensor.period_s is None else round(sensor.period_s * NS), sensor.options.filter is not None)
+        UnitRow(
+            unit, order, None if sensor.period_s is None else round(sensor.period_s * NS), sensor.options.filter is not None
+        )
         for order, (unit, sensor) in enumerate(train.sensors.items())
     ]
     return FuserSettings(
@@ -133,7 +141,9 @@ ROLES: dict[str, Role] = {
     for role in (
         Role("fuser", "one state an epoch from all estimates and fixes", False, False, _one("fuser"), _fuser),
         Role("filter", "a unit's local filter", True, False, lambda t: t.fused_units, _filter),
-        Role("balise", "telegrams into absolute fixes", False, False, lambda t: ["balise"] if t.balise_readers else [], _balise),
+        Role(
+            "balise", "telegrams into absolute fixes", False, False, lambda t: ["balise"] if t.balise_readers else [], _balise
+        ),
         Role("sensor", "a unit's readings", True, True, lambda t: list(t.sensors), _sensor),
         Role("world", "the simulated train's time and truth", False, True, lambda t: ["world"] if t.file.world else [], _world),
     )

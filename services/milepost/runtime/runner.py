@@ -23,7 +23,9 @@ log = logging.getLogger("milepost")
 class Runner:
     """The loop of a process. `name` is the process's; `parent` ends it when that process is no longer its parent."""
 
-    def __init__(self, name: str, node: Node, bus: ZenohBus, clock: Clock, end_ns: int | None = None, parent: int | None = None) -> None:
+    def __init__(
+        self, name: str, node: Node, bus: ZenohBus, clock: Clock, end_ns: int | None = None, parent: int | None = None
+    ) -> None:
         self._name = name
         self._node = node
         self._bus = bus

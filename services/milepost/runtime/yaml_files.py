@@ -46,7 +46,7 @@ def read_yaml(path: Path) -> dict[str, Any]:
     except UnicodeDecodeError as error:
         raise ConfigError(path, "", "not UTF-8 text") from error
     try:
-        content = yaml.load(text, Loader=_Loader)  # noqa: S506 (a subclass of SafeLoader)
+        content = yaml.load(text, Loader=_Loader)
     except yaml.MarkedYAMLError as error:
         line = f"line {error.problem_mark.line + 1}" if error.problem_mark else ""
         raise ConfigError(path, line, error.problem or "not YAML") from error

@@ -35,7 +35,9 @@ class SensorOptions(BaseModel):
     kind: str
     source: Literal["simulation", "recording"] = "simulation"
     filter: str | None = "kalman"
-    withhold_s: list[list[float]] = Field(default_factory=list, description="spans [from, to) of scenario time without readings")
+    withhold_s: list[list[float]] = Field(
+        default_factory=list, description="spans [from, to) of scenario time without readings"
+    )
 
 
 class Observed(NamedTuple):

@@ -123,7 +123,11 @@ class _Simulated(PeriodicSource):
         if before_s is None:
             return None
         dt = pulse_s - before_s
-        fields = {"speed_mps": passed * self._pitch / dt, "speed_variance_m2ps2": passed * self._variance / (dt * dt), "interval_s": dt}
+        fields = {
+            "speed_mps": passed * self._pitch / dt,
+            "speed_variance_m2ps2": passed * self._variance / (dt * dt),
+            "interval_s": dt,
+        }
         return Measured(0.5 * (pulse_s + before_s), fields)
 
     def _silence(self, t_s: float) -> Measured | None:

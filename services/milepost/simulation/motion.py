@@ -111,7 +111,13 @@ class WhiteJerkMotion:
     """
 
     def __init__(
-        self, profile: Profile, end_s: float, jerk_psd: float, driver_time_s: float | None, start_std: Sequence[float], seed: int
+        self,
+        profile: Profile,
+        end_s: float,
+        jerk_psd: float,
+        driver_time_s: float | None,
+        start_std: Sequence[float],
+        seed: int,
     ) -> None:
         self.end_s = end_s
         self._profile = profile

@@ -1,0 +1,48 @@
+"""`milepost rerun`: recorded messages through the same nodes."""
+
+from __future__ import annotations
+
+import sys
+import time
+from pathlib import Path
+
+from milepost.runtime.config import load_train
+from milepost.runtime.offline import replay
+from milepost.runtime.yaml_files import ConfigError
+from milepost_schemas import FusedState
+
+from .progress import progress_bar
+from .recording import Reader
+
+ORIGINS = {"readings": ("reading",), "estimates": ("estimate", "fix")}
+
+
+def run_rerun(readings: Path, train_file: Path, out: Path, origin: str) -> int:
+    """Write the settled states of a recording. Raises ConfigError for files that cannot be used."""
+    if origin not in ORIGINS:
+        raise ConfigError("rerun", "--from", f"{origin!r} is none of {', '.join(ORIGINS)}")
+    if not readings.is_file():
+        raise ConfigError(readings, "", "no such file")
+    if not out.parent.is_dir():
+        raise ConfigError(out, "", "its folder does not exist")
+    train = load_train(train_file)
+    reader = Reader(readings, train, ORIGINS[origin])
+    begun, count, first, last = time.perf_counter(), 0, 0, 0
+    partial = out.with_name(out.name + ".partial")
+    with partial.open("w", encoding="utf-8") as file, progress_bar("rerun", readings.stat().st_size) as show:
+
+        def settled(state: FusedState) -> None:
+            nonlocal count, first, last
+            file.write(state.model_dump_json() + "\n")
+            count, first, last = count + 1, first or state.measured_at_ns, state.measured_at_ns
+            if count % 50 == 0:
+                show(reader.read_bytes)
+
+        replay(train, reader.messages(), origin == "estimates", settled)
+    # an interrupted rerun leaves no file that looks whole
+    partial.replace(out)
+    spent = time.perf_counter() - begun
+    print(f"{count} states of {(last - first) * 1e-9:.1f} s in {spent:.1f} s -> {out}", file=sys.stderr)
+    for reason, number in reader.refusals.counts.items():
+        print(f"refused {number} as {reason}; first: {reader.first[reason]}", file=sys.stderr)
+    return 0
