@@ -28,7 +28,7 @@ def check_covariance(matrix: list[list[float]]) -> list[list[float]]:
     matter; pivots down to -1e-9 pass as rounding. Raises ValueError otherwise.
     """
     n = len(matrix)
-    if n == 0 or any([len(row) != n for row in matrix]):
+    if n == 0 or any([len(row) != n for row in matrix]):  # noqa: C419 (a list is faster than a generator here)
         raise ValueError("a covariance must be square and not empty")
     root = []
     for i in range(n):

@@ -21,8 +21,11 @@ Priority = Literal["real_time", "interactive_high", "data_high", "data", "backgr
 
 @dataclass(frozen=True, slots=True)
 class Stream:
-    """One row: `key` is below `milepost/v1/{train}/`; `rate_hz` None is event-driven; `cached` > 0 asks for a publisher that remembers
-    so many messages and lets late or interrupted subscribers recover them; `recorded` goes into recordings."""
+    """One row of the table.
+
+    `key` is below `milepost/v1/{train}/`. `rate_hz` None is event-driven. `cached` > 0 asks for a publisher that remembers
+    so many messages and lets interrupted subscribers recover them. `recorded` goes into recordings.
+    """
 
     name: str
     key: str

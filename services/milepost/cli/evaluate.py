@@ -13,6 +13,7 @@ import numpy as np
 from milepost.estimation.centralised import centralised
 from milepost.estimation.timeline import Observation
 from milepost.nodes.base import Output
+from milepost.nodes.observations import of_fix, of_reading
 from milepost.runtime.config import ScenarioFile, Train, load_scenario
 from milepost.runtime.offline import OFFLINE_START_NS, simulate
 from milepost.runtime.roles import full_layout, prior
@@ -47,13 +48,10 @@ class Heard:
             self.live[message.measured_at_ns] = message
         elif isinstance(message, AbsoluteFix):
             order = list(self.train.sensors).index(message.reader)
-            head = (message.measured_at_ns, order, message.reading_sequence, message.reader_instance, 0, message.reader)
-            self.observations.append(Observation(*head, (1.0, 0.0, 0.0), message.position_m, message.position_variance_m2))
+            self.observations.append(of_fix(message, order))
         elif output.stream.endswith("_reading"):
             order = list(self.train.sensors).index(message.unit)
-            for i, seen in enumerate(self.train.sensors[message.unit].observe(message, None)):
-                head = (message.measured_at_ns, order, message.sequence, message.instance, i, message.unit)
-                self.observations.append(Observation(*head, *seen))
+            self.observations += of_reading(message, order, self.train.sensors[message.unit].observe(message, None))
 
     def keep(self, state: FusedState) -> None:
         """One settled state."""
@@ -146,7 +144,8 @@ def _of_states(states: dict[int, FusedState]) -> Estimates:
 def _centralised(heard: Heard, train: Train, unit: str | None) -> Estimates:
     chosen = [o for o in heard.observations if unit is None or o.unit == unit]
     layout = full_layout(train) if unit is None else full_layout(train).only([unit])
-    results = centralised(chosen, sorted(heard.truth), layout, train.file.motion_model.jerk_psd_m2ps5, prior(train))
+    begins_ns = min(o.measured_at_ns for o in heard.observations)
+    results = centralised(chosen, sorted(heard.truth), layout, train.file.motion_model.jerk_psd_m2ps5, prior(train), begins_ns)
     return {at: (mean, covariance) for at, mean, covariance in results}
 
 

@@ -72,9 +72,7 @@ def run(
     train: TrainOption = DEFAULT_TRAIN,
     connect: ConnectOption = [DEFAULT_ENDPOINT],  # noqa: B006
     listen: Annotated[list[str], typer.Option("--listen", help="for the router: endpoints to listen on")] = [DEFAULT_ENDPOINT],  # noqa: B006
-    config: Annotated[
-        Path | None, typer.Option("--config", help="for the router: a Zenoh configuration file instead")
-    ] = None,
+    config: Annotated[Path | None, typer.Option("--config", help="for the router: a Zenoh configuration file instead")] = None,
     speed: Annotated[
         float, typer.Option("--speed", min=0.01, max=1000.0, help="for the world: how fast scenario time runs")
     ] = 1.0,

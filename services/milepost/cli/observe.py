@@ -45,7 +45,7 @@ def _read_stalls(path: Path) -> list[dict[str, float]]:
 
 
 def summarise(states: list[tuple[FusedState, int]], truths: dict[int, Truth], stalls: list[dict[str, float]]) -> dict[str, Any]:
-    """Rate and gaps as received, errors against the truth after the first balise, and whether the truth was inside the interval."""
+    """Rate and gaps as received; errors against the truth after the first balise; whether the interval held it."""
     if len(states) < 2:
         return {"states": len(states), "error": "fewer than two states were received"}
     received = np.array([at for _, at in states])

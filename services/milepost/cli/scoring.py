@@ -13,7 +13,7 @@ from milepost.simulation.recording import RecordedFix
 from milepost_schemas import FusedState
 
 Array = NDArray[np.float64]
-Estimates = Mapping[int, tuple[Sequence[float], Any]]
+Estimates = Mapping[int, tuple[Any, Any]]
 
 
 def score(estimates: Estimates, truth: Mapping[int, Sequence[float]], start_ns: int, speed_after_s: float) -> dict[str, float]:

@@ -14,17 +14,22 @@ from .timeline import NS, Observation
 
 
 def centralised(
-    observations: Iterable[Observation], epochs_ns: Iterable[int], layout: Layout, jerk_psd: float, prior: Prior
+    observations: Iterable[Observation],
+    epochs_ns: Iterable[int],
+    layout: Layout,
+    jerk_psd: float,
+    prior: Prior,
+    begins_ns: int | None = None,
 ) -> Iterator[tuple[int, Array, Array]]:
     """The optimal estimate at each epoch: (epoch, mean (n), covariance (n, n)), from all observations until then.
 
-    The prior sits at the earliest observation. Epochs before it are passed over.
+    The prior sits at the earliest observation, or at `begins_ns` before it. Epochs before it are passed over.
     """
     ordered = sorted(observations, key=lambda o: o[:5])
     if not ordered:
         return
     x, P = layout.prior(prior.mean, prior.std)
-    at, place = ordered[0].measured_at_ns, 0
+    at, place = ordered[0].measured_at_ns if begins_ns is None else begins_ns, 0
     for epoch in sorted(epochs_ns):
         if epoch < at:
             continue

@@ -50,6 +50,11 @@ class Estimator:
         return self._timeline
 
     @property
+    def share(self) -> float:
+        """The share β in force."""
+        return self._share
+
+    @property
     def counters(self) -> Counters:
         """What was accepted, refused and replayed."""
         return self._timeline.counters
@@ -93,7 +98,8 @@ class Estimator:
         """Take the fused marginal at its epoch: rewind to it, divide the common block by β, replay.
 
         mean (n), covariance (n, n) over [s, v, a, own private]; or over [s, v, a] alone, from a rule that does not fuse
-        private states: these are then conditioned on it from the belief at the epoch. Older feedback than the last one is superseded and changes nothing: returns False.
+        private states: these are then conditioned on it from the belief at the epoch. Older feedback than the last one is
+        superseded and changes nothing: returns False.
         Source: A (15)-(17); the conditioning of private states is ours (see `gaussian.inflate_common`).
         """
         base_ns = self._timeline.base_ns

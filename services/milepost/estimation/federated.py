@@ -18,17 +18,14 @@ def fuse(beliefs: Sequence[tuple[Array, Array]]) -> tuple[Array, Array]:
         raise ValueError("there is no belief to fuse")
     if len(beliefs) == 1:
         return beliefs[0]
-    n = len(beliefs[0][0])
-    information, vector = np.zeros((n, n)), np.zeros(n)
+    first, reference = beliefs[0][0], beliefs[0][1]
     # every covariance is scaled by one common diagonal: metres beside m/s² lose digits in the inversion otherwise
-    scale = np.sqrt(np.diag(beliefs[0][1]))
-    for mean, covariance in beliefs:
-        inverse = np.linalg.inv(covariance / np.outer(scale, scale))
-        information += inverse
-        vector += inverse @ ((mean - beliefs[0][0]) / scale)
-    covariance = np.linalg.inv(information)
-    mean = beliefs[0][0] + scale * (covariance @ vector)
-    return mean, 0.5 * (covariance + covariance.T) * np.outer(scale, scale)
+    scale: Array = np.sqrt(np.diag(reference))
+    area: Array = np.outer(scale, scale)
+    inverses: list[Array] = [np.asarray(np.linalg.inv(P / area), dtype=float) for _, P in beliefs]
+    pulls = [inverse @ ((mean - first) / scale) for inverse, (mean, _) in zip(inverses, beliefs, strict=True)]
+    fused: Array = np.asarray(np.linalg.inv(np.sum(inverses, axis=0)), dtype=float)
+    return first + scale * (fused @ np.sum(pulls, axis=0)), 0.5 * (fused + fused.T) * area
 
 
 def share_out(shares: Mapping[str, float], reporting: Sequence[str]) -> dict[str, float]:

@@ -99,7 +99,7 @@ class Timeline:
         return self._keys[-1][0] if self._keys else self._base_ns
 
     def insert(self, observation: Observation, now_ns: int) -> str | None:
-        """Put an observation where it belongs. Returns the reason if it is refused, `absorbed` if the base already contains its time."""
+        """Put an observation where it belongs. Returns the reason if it is refused, `absorbed` if the base covers its time."""
         self._move_boundary(now_ns)
         at = observation.measured_at_ns
         identity = (observation.unit, observation.instance, observation.sequence, observation.component)

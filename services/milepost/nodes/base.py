@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
-from milepost_schemas import Event, Message
+from milepost_schemas import Event, Feedback, Message
+
+Severity = Literal["info", "warning", "error"]
 
 
 class Output(NamedTuple):
@@ -42,6 +44,8 @@ class Node:
     """step(message) -> messages. No Zenoh and no wall clock: `now_ns` is the time of receipt, or of the tick."""
 
     subscriptions: Sequence[Subscription] = ()
+    # whether it can say, and after a restart wants to be told, what the last feedback was
+    remembers = False
 
     def __init__(self, train: str, unit: str, instance: str) -> None:
         self.train = train
@@ -75,6 +79,10 @@ class Node:
         """The answer to a procedure call; None where there is none (yet)."""
         return None
 
+    def catch_up(self, feedback: Feedback, now_ns: int) -> bool:  # noqa: ARG002
+        """Take what a running process remembers, after a restart. Returns whether it was of use."""
+        return False
+
     def head(self, stream: str, measured_at_ns: int, now_ns: int) -> dict[str, Any]:
         """The head of this node's next message on a stream."""
         sequence = self._sequences.get(stream, 0)
@@ -88,7 +96,7 @@ class Node:
             "published_at_ns": now_ns,
         }
 
-    def event(self, severity: str, code: str, text: str, now_ns: int) -> Output:
+    def event(self, severity: Severity, code: str, text: str, now_ns: int) -> Output:
         """An event of this node's."""
         return Output("event", "", Event(**self.head("event", now_ns, now_ns), severity=severity, code=code, text=text))
 

@@ -11,14 +11,17 @@ from milepost.estimation.filters import KalmanFilter
 from milepost.estimation.gaussian import marginal
 from milepost.estimation.layout import N_COMMON
 from milepost.estimation.timeline import FUTURE_NS, Observation
-from milepost.sensors import Sensor
-from milepost_schemas import Estimate, Feedback, Message
+from milepost.sensors.base import Sensor
+from milepost_schemas import Estimate, Feedback, Gaussian, LinearObservation, Message
 
 from .base import Node, Output, Subscription
+from .observations import of_reading
 
 
 class FilterNode(Node):
     """Runs one local filter of one unit. `order` is the unit's row in the train file."""
+
+    remembers = True
 
     def __init__(self, train: str, instance: str, sensor: Sensor[Any], local: KalmanFilter, order: int, feedback: bool) -> None:
         super().__init__(train, sensor.unit, instance)
@@ -41,12 +44,18 @@ class FilterNode(Node):
     def step(self, message: Message, now_ns: int) -> Iterable[Output]:
         """A reading, or feedback."""
         if isinstance(message, Feedback):
-            return self._take_feedback(message, now_ns)
+            return self._take_feedback(message, message.shares.get(self.unit, 0.0), now_ns)
         return self._take_reading(message, now_ns)
 
     def answer(self, procedure: str) -> Message | None:
         """`latest_feedback`: what a restarted fuser continues from."""
         return self._feedback if procedure == "latest_feedback" else None
+
+    def catch_up(self, feedback: Feedback, now_ns: int) -> bool:
+        """Begin with the fused state and the train file's share, instead of the train file's prior."""
+        for _ in self._take_feedback(feedback, self._estimator.share, now_ns):
+            return False
+        return self._feedback is feedback
 
     def _take_reading(self, reading: Message, now_ns: int) -> Iterable[Output]:
         estimator = self._estimator
@@ -54,10 +63,7 @@ class FilterNode(Node):
         belief = estimator.state_at(reading.measured_at_ns) if estimator.layout.private else None
         observed = self._sensor.observe(reading, None if belief is None else belief[0])
         refused = dict(estimator.counters.refused)
-        offered = [
-            Observation(reading.measured_at_ns, self._order, reading.sequence, reading.instance, i, self.unit, *o)
-            for i, o in enumerate(observed)
-        ]
+        offered = of_reading(reading, self._order, observed)
         counted = self._filter.take(offered, now_ns)
         for reason, count in estimator.counters.refused.items():
             if count != refused.get(reason, 0):
@@ -75,32 +81,33 @@ class FilterNode(Node):
     def _estimate(self, counted: list[Observation], mean: list[float], covariance: list[list[float]], now_ns: int) -> Estimate:
         return Estimate(
             **self.head("estimate", self._latest_ns, now_ns),
-            belief={"states": self._names, "mean": mean, "covariance": covariance},
+            belief=Gaussian(states=self._names, mean=mean, covariance=covariance),
             observations=[
-                {
-                    "sensor_instance": o.instance,
-                    "reading_sequence": o.sequence,
-                    "component": o.component,
-                    "measured_at_ns": o.measured_at_ns,
-                    "row": list(o.row),
-                    "value": o.value,
-                    "variance": o.variance,
-                }
+                LinearObservation(
+                    sensor_instance=o.instance,
+                    reading_sequence=o.sequence,
+                    component=o.component,
+                    measured_at_ns=o.measured_at_ns,
+                    row=list(o.row),
+                    value=o.value,
+                    variance=o.variance,
+                )
                 for o in counted
             ],
             feedback_epoch_ns=None if self._feedback is None else self._feedback.measured_at_ns,
         )
 
-    def _take_feedback(self, feedback: Feedback, now_ns: int) -> Iterable[Output]:
+    def _take_feedback(self, feedback: Feedback, share: float, now_ns: int) -> Iterable[Output]:
         epoch = feedback.measured_at_ns
-        share = feedback.shares.get(self.unit, 0.0)
         if epoch > now_ns + FUTURE_NS:
             yield from self.refuse("from_future", f"feedback of epoch {epoch} is ahead of time", now_ns)
             return
         if self._feedback is not None and epoch <= self._feedback.measured_at_ns:
             self.refusals.add("duplicate" if epoch == self._feedback.measured_at_ns else "superseded")
             return
-        # a unit without a share gets no feedback: it does not count, and must not learn from what it would spoil
+        # a unit that does not count gets no feedback; but one that has never had any must begin somewhere
+        if share <= 0.0 and self._feedback is None:
+            share = self._estimator.share
         if share <= 0.0:
             return
         states = feedback.fused.states

@@ -2,33 +2,32 @@
 
 from __future__ import annotations
 
-from bisect import bisect_right, insort
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from milepost.estimation.estimator import Prior
-from milepost.estimation.fusion import RULES, Lists
-from milepost.estimation.integrity import interval
+from milepost.estimation.fusion import RULES
 from milepost.estimation.layout import Layout
 from milepost.estimation.timeline import Observation
 from milepost.estimation.track import Line
-from milepost_schemas import AbsoluteFix, Estimate, Feedback, FusedState, Message
+from milepost_schemas import AbsoluteFix, Estimate, Feedback, FusedState, Gaussian, Message
 
 from .base import Node, Output, Subscription
-from .roster import Presence, Roster, UnitRow
+from .observations import of_estimate, of_fix
+from .roster import Roster, UnitRow
+from .state_writer import StateWriter
 
 # an epoch further back than this is not worth sending live
 BACKLOG_NS = 1_000_000_000
-INITIALISING_NS = 1_000_000_000
-STANDSTILL_MPS = 0.05
+# a former fuser's state older than this is worth less than the train file's prior
+CONTINUE_NS = 60_000_000_000
 
 
 @dataclass(frozen=True)
 class FuserSettings:
-    """What a train file says of fusion. `lost_above_m`: half an interval wider than this says nothing useful any more."""
+    """What a train file says of fusion; `sigmas` and `lost_above_m` as in `state_writer`."""
 
     rule: str
     period_ns: int
@@ -47,16 +46,17 @@ class FuserSettings:
 class FuserNode(Node):
     """Epochs lie on the grid t_k = k · period; see `roster` for what an epoch waits for."""
 
+    remembers = True
+
     def __init__(self, train: str, instance: str, settings: FuserSettings, line: Line) -> None:
         super().__init__(train, "fuser", instance)
         self.subscriptions = [Subscription("estimate"), Subscription("fix")]
         self._settings = settings
-        self._line = line
-        self._line_hash = line.content_hash
         self._rule = RULES[settings.rule](settings.layout, settings.jerk_psd, settings.prior, settings.horizon_ns)
         self._roster = Roster(settings.units, settings.shares, settings.deadline_ns)
         self._orders = {row.unit: row.order for row in settings.units}
-        self._fixes: list[tuple[int, str, float, float]] = []
+        self._writer = StateWriter(line, settings.period_ns, settings.sigmas, settings.lost_above_m)
+        self._feedback: Feedback | None = None
         self._earliest_ns: int | None = None
         self._latest_ns = 0
         self._epoch_ns: int | None = None
@@ -67,9 +67,14 @@ class FuserNode(Node):
         """How often something late was put in its place."""
         return self._rule.counters.rewinds
 
-    def continue_from(self, feedback: Feedback) -> bool:
-        """Start from what a former fuser said last, instead of the train file's prior. Returns whether its states are ours."""
-        if feedback.fused.states != self._rule.names:
+    def answer(self, procedure: str) -> Message | None:
+        """`latest_feedback`: what a restarted filter begins with."""
+        return self._feedback if procedure == "latest_feedback" else None
+
+    def catch_up(self, feedback: Feedback, now_ns: int) -> bool:
+        """Continue from what a former fuser said last, instead of the train file's prior."""
+        age_ns = now_ns - feedback.measured_at_ns
+        if feedback.fused.states != self._rule.names or not 0 <= age_ns <= CONTINUE_NS:
             return False
         mean, covariance = np.array(feedback.fused.mean), np.array(feedback.fused.covariance)
         self._rule.start_from(feedback.measured_at_ns, mean, covariance)
@@ -92,6 +97,7 @@ class FuserNode(Node):
     def tick(self, now_ns: int) -> Iterable[Output]:
         """The epochs that are ready by time alone."""
         self._rule.advance_to(now_ns)
+        self._roster.forget(now_ns - self._settings.horizon_ns)
         yield from self._epochs(now_ns)
 
     def next_tick_ns(self) -> int | None:
@@ -106,20 +112,7 @@ class FuserNode(Node):
         if order is None:
             yield from self.refuse("unknown_unit", f"{estimate.unit} is not in the train file", now_ns)
             return
-        observations = [
-            Observation(
-                o.measured_at_ns,
-                order,
-                o.reading_sequence,
-                o.sensor_instance,
-                o.component,
-                estimate.unit,
-                tuple(o.row),
-                o.value,
-                o.variance,
-            )
-            for o in estimate.observations
-        ]
+        observations = of_estimate(estimate, order)
         belief = (estimate.measured_at_ns, estimate.belief.mean, estimate.belief.covariance)
         try:
             reasons = self._rule.take_estimate(estimate.unit, belief, observations, now_ns)
@@ -134,21 +127,10 @@ class FuserNode(Node):
         if order is None:
             yield from self.refuse("unknown_unit", f"{fix.reader} is not in the train file", now_ns)
             return
-        row = (1.0, 0.0, 0.0)
-        observation = Observation(
-            fix.measured_at_ns,
-            order,
-            fix.reading_sequence,
-            fix.reader_instance,
-            0,
-            fix.reader,
-            row,
-            fix.position_m,
-            fix.position_variance_m2,
-        )
+        observation = of_fix(fix, order)
         reason = self._rule.take_fix(observation, now_ns)
         if reason is None:
-            insort(self._fixes, (fix.measured_at_ns, fix.balise_id, fix.position_m, fix.location_accuracy_m))
+            self._writer.passed(fix)
         yield from self._noted(observation, reason, now_ns)
 
     def _noted(self, observation: Observation, reason: str | None, now_ns: int) -> Iterable[Output]:
@@ -186,14 +168,16 @@ class FuserNode(Node):
     def _publish(self, epoch_ns: int, missing: list[str], now_ns: int) -> Iterator[Output]:
         presence = self._roster.at(epoch_ns, live=True)
         fused = self._rule.state_at(epoch_ns, presence.shares)
-        if fused is None:
+        earliest = self._earliest_ns
+        if fused is None or earliest is None:
             return
         head = self.head("state", epoch_ns, now_ns)
-        yield Output("state", "", self._state(head, fused, presence, missing, settled=False))
+        yield Output("state", "", self._writer.write(head, fused, presence, earliest, missing, settled=False))
         if self._settings.feedback:
-            body = {"states": self._rule.names, "mean": fused[0], "covariance": fused[1]}
+            body = Gaussian(states=self._rule.names, mean=fused[0], covariance=fused[1])
             head = self.head("feedback", epoch_ns, now_ns)
-            yield Output("feedback", "", Feedback(**head, fused=body, shares=dict(presence.shares)))
+            self._feedback = Feedback(**head, fused=body, shares=dict(presence.shares))
+            yield Output("feedback", "", self._feedback)
 
     def settled_states(self, now_ns: int | None) -> Iterator[FusedState]:
         """The states of the epochs that no message can change any more; with None, of all that are left.
@@ -216,50 +200,4 @@ class FuserNode(Node):
             if fused is not None:
                 head = {"train": self.train, "unit": self.unit, "instance": "settled", "sequence": at // period}
                 head |= {"measured_at_ns": at, "published_at_ns": at + horizon}
-                yield self._state(head, fused, presence, [], settled=True)
-
-    def _state(
-        self, head: dict[str, Any], fused: Lists, presence: Presence, missing: list[str], *, settled: bool
-    ) -> FusedState:
-        settings, line = self._settings, self._line
-        epoch_ns = head["measured_at_ns"]
-        (s, v, a), P = fused[0][:3], [row[:3] for row in fused[1][:3]]
-        place = bisect_right(self._fixes, epoch_ns, key=lambda fix: fix[0])
-        last = self._fixes[place - 1] if place else None
-        low, high = interval(s, P[0][0], settings.sigmas, line.map_accuracy_m + (last[3] if last else 0.0))
-        slow, fast = interval(v, P[1][1], settings.sigmas)
-        latitude, longitude = line.track.locate(s) if line.track is not None else (None, None)
-        return FusedState(
-            **head,
-            epoch=epoch_ns // settings.period_ns,
-            position_m=s,
-            speed_mps=v,
-            acceleration_mps2=a,
-            covariance=P,
-            position_min_m=low,
-            position_max_m=high,
-            speed_min_mps=slow,
-            speed_max_mps=fast,
-            direction="standstill" if abs(v) < STANDSTILL_MPS else "forward" if v > 0.0 else "backward",
-            status=self._status(epoch_ns, high - s, presence),
-            line=line.name,
-            line_hash=self._line_hash,
-            latitude_deg=latitude,
-            longitude_deg=longitude,
-            last_balise=None
-            if last is None
-            else {"balise_id": last[1], "position_m": last[2], "distance_since_m": s - last[2]},
-            sensors=[{"unit": u, "share": presence.shares[u], "age_s": age} for u, age in presence.ages_s.items()],
-            excluded=[{"unit": u, "reason": reason} for u, reason in presence.excluded.items()],
-            awaiting=missing,
-            settled=settled,
-        )
-
-    def _status(self, epoch_ns: int, reach_m: float, presence: Presence) -> str:
-        if reach_m > self._settings.lost_above_m:
-            return "lost"
-        if not presence.ages_s:
-            return "coasting"
-        if self._earliest_ns is not None and epoch_ns - self._earliest_ns < INITIALISING_NS:
-            return "initialising"
-        return "degraded" if presence.excluded else "normal"
+                yield self._writer.write(head, fused, presence, self._earliest_ns, [], settled=True)

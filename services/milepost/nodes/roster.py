@@ -14,7 +14,7 @@ KEPT_TIMES = 4096
 
 @dataclass(frozen=True, slots=True)
 class UnitRow:
-    """A unit's row in the train file: `order` from 0; `period_ns` None for a unit that is never due; `fused` if a filter speaks for it."""
+    """A unit's row in the train file, `order` from 0. `period_ns` None: never due. `fused`: a filter speaks for it."""
 
     unit: str
     order: int

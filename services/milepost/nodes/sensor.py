@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
-from milepost.sensors import Sensor
-from milepost.sensors.base import Source
+from milepost.sensors.base import Sensor, Source
 from milepost_schemas import BY_NAME
 
 from .base import Node, Output

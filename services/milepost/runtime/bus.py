@@ -23,6 +23,9 @@ PRIORITIES = {
     "background": zenoh.Priority.BACKGROUND,
 }
 HEARTBEAT_S = 0.5
+# the binding's stubs ask for both of two options that exclude each other
+RECOVERY: Any = zenoh.ext.RecoveryConfig
+MISS_DETECTION: Any = zenoh.ext.MissDetectionConfig
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,7 +90,7 @@ class ZenohBus:
 
         key = stream.key_for(self.train, unit)
         if stream.cached and stream.rate_hz is None:
-            recovery = zenoh.ext.RecoveryConfig(heartbeat=True)
+            recovery: Any = RECOVERY(heartbeat=True)
             self._kept.append(zenoh.ext.declare_advanced_subscriber(self.session, key, receive, recovery=recovery))
         else:
             self._kept.append(self.session.declare_subscriber(key, receive))
@@ -122,7 +125,7 @@ class ZenohBus:
 
     def _declare(self, stream: Stream, unit: str) -> Any:
         key = stream.key_for(self.train, unit)
-        quality = {
+        quality: dict[str, Any] = {
             "encoding": zenoh.Encoding("application/msgpack").with_schema(f"{stream.message.SCHEMA}/{stream.message.VERSION}"),
             "congestion_control": zenoh.CongestionControl.DROP,
             "priority": PRIORITIES[stream.priority],
@@ -134,15 +137,16 @@ class ZenohBus:
             self.session,
             key,
             cache=zenoh.ext.CacheConfig(stream.cached),
-            sample_miss_detection=zenoh.ext.MissDetectionConfig(heartbeat=HEARTBEAT_S),
+            sample_miss_detection=MISS_DETECTION(heartbeat=HEARTBEAT_S),
             publisher_detection=True,
             **quality,
         )
 
     def ask(self, procedure: str, schema: type[Message], timeout_s: float) -> list[Message]:
-        """All answers to a procedure call; unreadable ones are left out."""
+        """All answers of other processes to a procedure call; unreadable ones are left out."""
         answers: list[Message] = []
-        for reply in self.session.get(rpc_key(self.train, procedure), timeout=timeout_s):
+        elsewhere = zenoh.Locality.REMOTE
+        for reply in self.session.get(rpc_key(self.train, procedure), timeout=timeout_s, allowed_destination=elsewhere):
             try:
                 if reply.ok is not None:
                     answers.append(decode(reply.ok.payload.to_bytes(), schema))

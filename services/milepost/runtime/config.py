@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -72,7 +73,7 @@ class WhiteJerkFile(BaseModel):
     @model_validator(mode="after")
     def _increasing(self) -> WhiteJerkFile:
         times = [corner[0] for corner in self.profile]
-        if times[0] != 0.0 or any(b <= a for a, b in zip(times, times[1:], strict=False)):
+        if times[0] != 0.0 or any(b <= a for a, b in pairwise(times)):
             raise ValueError("profile: times must start at 0 and increase")
         return self
 
@@ -163,7 +164,7 @@ class Train:
         return [unit for unit, sensor in self.sensors.items() if sensor.stream == "balise_telegram"]
 
     def world(self, until_s: float | None = None) -> World:
-        """The simulated world of this train, until its line, its recording or `until_s` ends. Raises ConfigError if it has none."""
+        """The simulated world, until its line, its recording or `until_s` ends. Raises ConfigError if there is none."""
         if self.file.world is None:
             raise ConfigError(self.path, "world", "needed for simulated or replayed units")
         return World(self._motion(self.file.world, until_s), self.line, self.file.world.seed)
@@ -227,7 +228,7 @@ def _check_geometry(train: Train) -> None:
 
 
 def load_scenario(path: Path, seed: int | None = None, rule: str | None = None) -> tuple[ScenarioFile, Train]:
-    """A scenario and its train, with the scenario's changes, a seed and a fusion rule laid over the train file. Raises ConfigError."""
+    """A scenario and its train, with changes, seed and rule laid over the train file. Raises ConfigError."""
     scenario = validate(path, read_yaml(path), ScenarioFile)
     change = merged(scenario.change, {"world": {"seed": scenario.seed if seed is None else seed}})
     if rule is not None:

@@ -75,7 +75,7 @@ def replay(
     settled: Callable[[FusedState], None],
     tap: Tap | None = None,
 ) -> None:
-    """Run filters, balise service and fuser (or the fuser alone) on recorded messages (stream, unit, message, received_at_ns)."""
+    """Run filters, balise service and fuser, or the fuser alone, on (stream, unit, message, received_at_ns)."""
     roles = ("fuser",) if from_estimates else ("fuser", "filter", "balise")
     setting = Setting("rerun")
     nodes = [ROLES[p.role].build(train, p.unit, setting) for p in processes(train) if p.role in roles]

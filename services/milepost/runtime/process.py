@@ -25,8 +25,8 @@ from .roles import NS, ROLES, Setting, process_name, processes
 from .runner import Runner
 
 log = logging.getLogger("milepost")
-# a former fuser's state older than this is worth less than the train file's prior
-FEEDBACK_WORTH_S = 60.0
+# how long a starting process waits for those that may remember the fused state
+ASK_S = 0.5
 # listeners outlive the end of a simulation by this, to hear its last messages
 GRACE_NS = NS
 
@@ -85,7 +85,7 @@ def run_process(train: Train, role_name: str, unit: str, options: ProcessOptions
         if role.uses_world and start is not None:
             from_s = max(0.0, (clock.now_ns() - start.start_ns) / NS)
             node = role.build(train, unit, Setting(instance, world, start.start_ns, from_s))
-        if isinstance(node, FuserNode):
+        if node.remembers:
             _catch_up(bus, node, clock)
         end_ns = start.end_ns + GRACE_NS if start is not None else None
         Runner(name, node, bus, clock, end_ns, options.parent).run()
@@ -97,19 +97,19 @@ def _listen(bus: ZenohBus, node: Node, name: str) -> None:
         bus.subscribe(subscription.stream, subscription.unit)
     if isinstance(node, FuserNode):
         bus.watch_tokens()
-    elif node.subscriptions:
+    if node.remembers:
         bus.serve("latest_feedback", name)
 
 
-def _catch_up(bus: ZenohBus, node: FuserNode, clock: Clock) -> None:
-    """A restarted fuser continues from the last feedback that a filter remembers."""
-    answers = [a for a in bus.ask("latest_feedback", Feedback, 1.0) if isinstance(a, Feedback)]
+def _catch_up(bus: ZenohBus, node: Node, clock: Clock) -> None:
+    """A restarted fuser or filter begins with the newest fused state that another process remembers."""
+    answers = [a for a in bus.ask("latest_feedback", Feedback, ASK_S) if isinstance(a, Feedback)]
     if not answers:
         return
     latest = max(answers, key=lambda a: a.measured_at_ns)
-    age_s = (clock.now_ns() - latest.measured_at_ns) / NS
-    if age_s < FEEDBACK_WORTH_S and node.continue_from(latest):
-        log.info("continuing from the state of %.2f s ago", age_s)
+    now_ns = clock.now_ns()
+    if node.catch_up(latest, now_ns):
+        log.info("continuing from the state of %.2f s ago", (now_ns - latest.measured_at_ns) / NS)
 
 
 def run_router(listen: list[str], config_file: Path | None, parent: int | None = None) -> None:

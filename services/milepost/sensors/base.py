@@ -102,7 +102,7 @@ class Sensor(ABC, Generic[O]):
 
     @abstractmethod
     def observe(self, reading: Any, belief: Array | None) -> Sequence[Observed]:
-        """A reading as observations, linearised at `belief` (mean over [s, v, a, own private]) where the model is not linear."""
+        """A reading as observations, linearised, where need be, at `belief` (mean over [s, v, a, own private])."""
 
     @abstractmethod
     def open(self, world: World | None, from_s: float) -> Source:

@@ -1,0 +1,95 @@
+"""The fused mean and covariance as the product: interval, direction, status, place on earth, last balise."""
+
+from __future__ import annotations
+
+from bisect import bisect_right, insort
+from typing import Any
+
+from milepost.estimation.fusion import Lists
+from milepost.estimation.integrity import interval
+from milepost.estimation.track import Line
+from milepost_schemas import AbsoluteFix, BalisePassed, FusedState, SensorExcluded, SensorInUse
+from milepost_schemas.state import Status
+
+from .roster import Presence
+
+INITIALISING_NS = 1_000_000_000
+STANDSTILL_MPS = 0.05
+KEPT_FIXES = 512
+# what the message allows; an estimate beyond it has lost the train
+FARTHEST_M = 1e7
+FASTEST_MPS = 200.0
+
+
+class StateWriter:
+    """Writes states for one line. `lost_above_m`: half an interval wider than this says nothing useful any more."""
+
+    def __init__(self, line: Line, period_ns: int, sigmas: float, lost_above_m: float) -> None:
+        self._line = line
+        self._line_hash = line.content_hash
+        self._period_ns = period_ns
+        self._sigmas = sigmas
+        self._lost_above_m = lost_above_m
+        self._fixes: list[tuple[int, str, float, float]] = []
+
+    def passed(self, fix: AbsoluteFix) -> None:
+        """A balise was passed."""
+        insort(self._fixes, (fix.measured_at_ns, fix.balise_id, fix.position_m, fix.location_accuracy_m))
+        if len(self._fixes) > 2 * KEPT_FIXES:
+            del self._fixes[:KEPT_FIXES]
+
+    def write(
+        self, head: dict[str, Any], fused: Lists, presence: Presence, earliest_ns: int, missing: list[str], *, settled: bool
+    ) -> FusedState:
+        """The state at `head["measured_at_ns"]`: a function of what was observed until then (and, live, of tokens)."""
+        line, at_ns = self._line, head["measured_at_ns"]
+        (s, v, a), P = fused[0][:3], [row[:3] for row in fused[1][:3]]
+        place = bisect_right(self._fixes, at_ns, key=lambda fix: fix[0])
+        last = self._fixes[place - 1] if place else None
+        inside = abs(s) < FARTHEST_M and abs(v) < FASTEST_MPS
+        if not inside:
+            s, v = min(max(s, -FARTHEST_M), FARTHEST_M), min(max(v, -FASTEST_MPS), FASTEST_MPS)
+        low, high = interval(s, P[0][0], self._sigmas, line.map_accuracy_m + (last[3] if last else 0.0))
+        slow, fast = interval(v, P[1][1], self._sigmas)
+        latitude, longitude = line.track.locate(s) if line.track is not None else (None, None)
+        status: Status = self._status(at_ns - earliest_ns, high - s, presence) if inside else "lost"
+        return FusedState(
+            **head,
+            epoch=at_ns // self._period_ns,
+            position_m=s,
+            speed_mps=v,
+            acceleration_mps2=a,
+            covariance=P,
+            position_min_m=low,
+            position_max_m=high,
+            speed_min_mps=slow,
+            speed_max_mps=fast,
+            direction="standstill" if abs(v) < STANDSTILL_MPS else "forward" if v > 0.0 else "backward",
+            status=status,
+            line=line.name,
+            line_hash=self._line_hash,
+            latitude_deg=latitude,
+            longitude_deg=longitude,
+            last_balise=None
+            if last is None
+            else BalisePassed(balise_id=last[1], position_m=last[2], distance_since_m=s - last[2]),
+            sensors=[SensorInUse(unit=u, share=presence.shares[u], age_s=age) for u, age in presence.ages_s.items()],
+            excluded=[SensorExcluded(unit=u, reason=reason) for u, reason in presence.excluded.items()],
+            awaiting=missing,
+            settled=settled,
+        )
+
+    def _status(self, since_start_ns: int, reach_m: float, presence: Presence) -> Status:
+        if reach_m > self._lost_above_m:
+            return "lost"
+        if not presence.ages_s:
+            return "coasting"
+        if since_start_ns < INITIALISING_NS:
+            return "initialising"
+        return "degraded" if presence.excluded else "normal"
+
+
+def _passed(fix: tuple[int, str, float, float] | None, position_m: float) -> BalisePassed | None:
+    if fix is None:
+        return None
+    return BalisePassed(balise_id=fix[1], position_m=fix[2], distance_since_m=position_m - fix[2])
