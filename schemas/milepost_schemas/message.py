@@ -55,7 +55,8 @@ def check_covariance(matrix: list[list[float]]) -> list[list[float]]:
         left = 1.0 if root[i] else 0.0
         for value in done:
             left -= value * value
-        if left < -1e-9:
+        # turned round so that a nan, from numbers that overflow, is not let through
+        if not left >= -1e-9:
             raise ValueError("a covariance must be positive semi-definite")
         done.append(left**0.5 if left > 0.0 else 0.0)
         factor.append(done)
