@@ -5,6 +5,7 @@ A local filter holds the common states and its own private block, the fuser hold
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -85,6 +86,10 @@ class Estimator:
     def withdraw(self, unit: str, since_ns: int) -> list[Observation]:
         """Take a unit's observations from `since_ns` on out of the result, exactly."""
         return self._timeline.withdraw(unit, since_ns)
+
+    def restore(self, observations: Iterable[Observation]) -> None:
+        """Put withdrawn observations back, exactly."""
+        self._timeline.restore(observations)
 
     def advance_to(self, now_ns: int) -> None:
         """Let time pass: fold what is settled into the base."""

@@ -8,6 +8,7 @@ function of the set of observations alone: the same bits for any order of arriva
 from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple, Protocol
 
@@ -136,6 +137,12 @@ class Timeline:
             self._knots, self._keys = kept, [knot[:5] for knot in kept]
             self._states = self._states[: self._valid] + [None] * (len(kept) - self._valid)
         return out
+
+    def restore(self, observations: Iterable[Observation]) -> None:
+        """Put withdrawn observations back, as if they had never gone. What the base has passed meanwhile stays out."""
+        for observation in observations:
+            if self._base_ns is None or observation.measured_at_ns > self._base_ns:
+                self._place(observation)
 
     def rebase(self, at_ns: int, state: Any) -> None:
         """Make `state` the belief at `at_ns`: what was observed until then is in it, what came later is replayed on it."""
