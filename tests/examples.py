@@ -272,7 +272,7 @@ def changed(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, An
 
 def write_train(folder: Path, changes: Mapping[str, Any] | None = None, line: Mapping[str, Any] | None = None) -> Path:
     """Write a line file and a train file with changes; returns the train file's path."""
-    (folder / "line.yaml").write_text(yaml.safe_dump(changed(LINE_FILE, line or {})), encoding="utf-8")
+    (folder / "line.yaml").write_text(yaml.safe_dump(changed(LINE_FILE, line or {}), sort_keys=False), encoding="utf-8")
     path = folder / "train.yaml"
-    path.write_text(yaml.safe_dump(changed(TRAIN_FILE, changes or {})), encoding="utf-8")
+    path.write_text(yaml.safe_dump(changed(TRAIN_FILE, changes or {}), sort_keys=False), encoding="utf-8")
     return path

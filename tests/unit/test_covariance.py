@@ -48,7 +48,7 @@ def smallest_eigenvalue_of_correlation(matrix: Array) -> float:
     return float(np.linalg.eigvalsh(matrix / np.outer(root, root)).min())
 
 
-@settings(max_examples=300)
+@settings(max_examples=100)
 @given(n=sizes, seed=seeds, std=scales, exponents=st.lists(st.floats(-14.0, 0.0), min_size=8, max_size=8))
 def test_a_positive_definite_matrix_passes_however_badly_it_is_scaled(
     n: int, seed: int, std: list[float], exponents: list[float]
@@ -56,14 +56,14 @@ def test_a_positive_definite_matrix_passes_however_badly_it_is_scaled(
     assert accepts(scaled(with_eigenvalues([10.0**e for e in exponents[:n]], seed), std))
 
 
-@settings(max_examples=300)
+@settings(max_examples=100)
 @given(n=st.integers(2, 8), rank=st.integers(1, 7), seed=seeds, std=scales)
 def test_a_singular_matrix_passes(n: int, rank: int, seed: int, std: list[float]) -> None:
     eigenvalues = [1.0] * min(rank, n) + [0.0] * (n - min(rank, n))
     assert accepts(scaled(with_eigenvalues(eigenvalues, seed), std))
 
 
-@settings(max_examples=300)
+@settings(max_examples=100)
 @given(n=st.integers(2, 8), seed=seeds, std=scales, exponent=st.floats(-3.0, 0.0))
 def test_a_matrix_with_a_negative_eigenvalue_is_refused_however_badly_it_is_scaled(
     n: int, seed: int, std: list[float], exponent: float
@@ -73,7 +73,7 @@ def test_a_matrix_with_a_negative_eigenvalue_is_refused_however_badly_it_is_scal
     assert not accepts(scaled(matrix, std))
 
 
-@settings(max_examples=600)
+@settings(max_examples=250)
 @given(
     n=st.integers(2, 5),
     std=scales,
@@ -135,7 +135,7 @@ def test_what_is_not_square_is_refused(matrix: list[list[float]]) -> None:
     assert not accepts(matrix)
 
 
-@settings(max_examples=200)
+@settings(max_examples=80)
 @given(n=st.integers(2, 6), seed=seeds, std=scales, data=st.data())
 def test_asymmetry_is_refused_above_rounding_and_passes_below(n: int, seed: int, std: list[float], data: st.DataObject) -> None:
     matrix = scaled(with_eigenvalues([1.0, *[0.5] * (n - 1)], seed), std)
