@@ -11,6 +11,7 @@ from pathlib import Path
 
 from milepost.runtime.config import load_train
 from milepost.runtime.process import set_up_log
+from milepost.runtime.roles import ROLES, Setting, processes
 from milepost.runtime.supervisor import Supervisor, port_is_free, start_train
 from milepost.runtime.yaml_files import ConfigError
 
@@ -27,11 +28,17 @@ class _Interrupted(Exception):
 def run_up(train_file: Path, duration_s: float | None, speed: float, report: Path | None, headless: bool, listen: str) -> int:
     """Start everything, show it, end it. Raises ConfigError before anything starts."""
     train = load_train(train_file)
-    if train.file.world is not None:
-        train.world(1.0)
+    # every process is built once here: what a recording or a motion spoils shows before anything starts
+    setting = Setting("up", train.world(1.0) if train.file.world is not None else None)
+    for process in processes(train):
+        ROLES[process.role].build(train, process.unit, setting)
     if report is not None and not report.parent.is_dir():
         raise ConfigError(report, "", "its folder does not exist")
-    if not port_is_free(listen):
+    try:
+        free = port_is_free(listen)
+    except ValueError as error:
+        raise ConfigError("up", "--listen", str(error)) from error
+    if not free:
         raise ConfigError("up", "--listen", f"{listen} is in use; is another `milepost up` running?")
     set_up_log("up")
 

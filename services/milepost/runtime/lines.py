@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag
 
 from milepost.estimation.track import Balise, Line, Track
 from milepost.sensors.base import DataPath
@@ -37,6 +37,12 @@ class BaliseRule(BaseModel):
     location_accuracy_m: Metres = 12.0
 
 
+Balises = Annotated[
+    Annotated[list[BaliseRow], Tag("rows")] | Annotated[BaliseRule, Tag("rule")],
+    Discriminator(lambda value: "rows" if isinstance(value, list) else "rule"),
+]
+
+
 class LineFile(BaseModel):
     """`length_m` is needed where there is no geometry; `geojson` is a LineString feature in the direction of chainage."""
 
@@ -45,7 +51,7 @@ class LineFile(BaseModel):
     length_m: Annotated[float, Field(gt=0.0, le=1e7)] | None = None
     map_accuracy_m: Metres = 0.0
     geojson: DataPath | None = None
-    balises: list[BaliseRow] | BaliseRule = Field(default_factory=list)
+    balises: Balises = Field(default_factory=list)
 
 
 def load_line(path: Path) -> Line:
@@ -53,9 +59,9 @@ def load_line(path: Path) -> Line:
     file = validate(path, read_yaml(path), LineFile)
     points = _points(path, file.geojson) if file.geojson else None
     try:
-        track = Track(points) if points else None
+        track = Track(points) if points is not None else None
     except ValueError as error:
-        raise ConfigError(path, "geojson", str(error)) from error
+        raise ConfigError(path, "geojson", f"{file.geojson}: {error}") from error
     length = file.length_m if file.length_m is not None else track.length_m if track else None
     if length is None:
         raise ConfigError(path, "length_m", "needed where there is no geojson")
@@ -64,7 +70,8 @@ def load_line(path: Path) -> Line:
         "line": file.line,
         "length_m": length,
         "points": points,
-        "balises": [[b.balise_id, b.position_m] for b in balises],
+        "map_accuracy_m": file.map_accuracy_m,
+        "balises": [[b.balise_id, b.position_m, b.location_accuracy_m] for b in balises],
     }
     return Line(file.line, length, balises, file.map_accuracy_m, track, content)
 
@@ -72,6 +79,8 @@ def load_line(path: Path) -> Line:
 def _balises(path: Path, file: LineFile, length_m: float) -> tuple[Balise, ...]:
     if isinstance(file.balises, BaliseRule):
         rule = file.balises
+        if rule.from_m > length_m:
+            raise ConfigError(path, "balises.from_m", f"beyond the line's {length_m:.1f} m")
         count = int((length_m - rule.from_m) / rule.every_m) + 1
         return tuple(
             Balise(f"{rule.prefix}{i + 1:05d}", rule.from_m + i * rule.every_m, rule.location_accuracy_m) for i in range(count)
@@ -98,6 +107,10 @@ def _points(path: Path, geojson: Path) -> list[tuple[float, float]]:
         geometry = content.get("geometry", content)
         if geometry["type"] != "LineString":
             raise ConfigError(path, "geojson", f"{geojson}: a LineString is needed, not {geometry['type']}")
-        return [(float(p[0]), float(p[1])) for p in geometry["coordinates"]]
+        points = [(float(p[0]), float(p[1])) for p in geometry["coordinates"]]
     except (KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
         raise ConfigError(path, "geojson", f"{geojson}: not a GeoJSON LineString") from error
+    for number, (longitude, latitude) in enumerate(points, start=1):
+        if not (-180.0 <= longitude <= 180.0 and -90.0 <= latitude <= 90.0):
+            raise ConfigError(path, "geojson", f"{geojson}: point {number} is not a longitude and a latitude in degrees")
+    return points

@@ -102,8 +102,10 @@ def _why(code: int) -> str:
 
 
 def port_is_free(endpoint: str) -> bool:
-    """Whether a tcp/HOST:PORT endpoint can be listened on."""
+    """Whether a tcp/HOST:PORT endpoint can be listened on. Raises ValueError for what is not one."""
     host, _, port = endpoint.removeprefix("tcp/").rpartition(":")
+    if not (endpoint.startswith("tcp/") and host and port.isdecimal() and int(port) < 2**16):
+        raise ValueError(f"{endpoint!r} is not tcp/HOST:PORT")
     with socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET, socket.SOCK_STREAM) as probe:
         probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:

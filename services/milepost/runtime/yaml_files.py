@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Hashable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -18,7 +18,7 @@ class ConfigError(Exception):
 
     def __init__(self, file: Path | str, field: str, text: str) -> None:
         place = f"{file}: {field}" if field else f"{file}"
-        super().__init__(f"{place}: {text}")
+        super().__init__(" ".join(f"{place}: {text}".splitlines()))
 
 
 class _Loader(yaml.SafeLoader):
@@ -28,6 +28,8 @@ class _Loader(yaml.SafeLoader):
         seen: set[object] = set()
         for key_node, _ in node.value:
             key = self.construct_object(key_node, deep=True)
+            if not isinstance(key, Hashable):
+                raise yaml.constructor.ConstructorError(None, None, "a key cannot be a list or a mapping", key_node.start_mark)
             if key in seen:
                 raise yaml.constructor.ConstructorError(None, None, f"the key {key!r} stands twice", key_node.start_mark)
             seen.add(key)
@@ -52,6 +54,8 @@ def read_yaml(path: Path) -> dict[str, Any]:
         raise ConfigError(path, line, error.problem or "not YAML") from error
     except yaml.YAMLError as error:
         raise ConfigError(path, "", " ".join(str(error).split())) from error
+    except (ValueError, RecursionError) as error:  # what looks like a date or a number and is none; brackets without end
+        raise ConfigError(path, "", f"not YAML: {error}") from error
     if not isinstance(content, dict):
         raise ConfigError(path, "", "not a mapping")
     return content
@@ -63,9 +67,22 @@ def validate(path: Path, content: Mapping[str, Any], model: type[M], prefix: str
         return model.model_validate(content, context={"folder": path.parent})
     except ValidationError as error:
         first = error.errors(include_url=False, include_context=False)[0]
-        field = ".".join([prefix, *(str(part) for part in first["loc"])] if prefix else [str(part) for part in first["loc"]])
+        field = ".".join([*([prefix] if prefix else []), *_place(content, first["loc"], first["type"] == "missing")])
         text = "unknown key" if first["type"] == "extra_forbidden" else first["msg"].removeprefix("Value error, ")
         raise ConfigError(path, field, text) from error
+
+
+def _place(content: Any, loc: Sequence[int | str], missing: bool) -> list[str]:
+    """Where in the file an error is: pydantic's place without the names of union members, which nobody wrote there."""
+    out = []
+    for number, part in enumerate(loc, start=1):
+        inside = part in content if isinstance(content, Mapping) else isinstance(content, list) and isinstance(part, int)
+        if inside:
+            content = content[part]
+        elif not (missing and number == len(loc)):
+            continue
+        out.append(str(part))
+    return out
 
 
 def merged(base: Mapping[str, Any], change: Mapping[str, Any]) -> dict[str, Any]:

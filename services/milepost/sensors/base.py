@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Generic, Literal, NamedTuple, Protocol, TypeVar
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationInfo
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationInfo
 
 from milepost.estimation.layout import Array, PrivateState
 from milepost.estimation.track import Line
@@ -24,6 +24,13 @@ def _resolve(value: object, info: ValidationInfo) -> object:
     return value
 
 
+def _forward(span: list[float]) -> list[float]:
+    if span[0] >= span[1]:
+        raise ValueError("a span [from, to) must end after it begins")
+    return span
+
+
+Span = Annotated[list[float], Field(min_length=2, max_length=2), AfterValidator(_forward)]
 DataPath = Annotated[Path, BeforeValidator(_resolve)]
 
 
@@ -35,9 +42,7 @@ class SensorOptions(BaseModel):
     kind: str
     source: Literal["simulation", "recording"] = "simulation"
     filter: str | None = "kalman"
-    withhold_s: list[list[float]] = Field(
-        default_factory=list, description="spans [from, to) of scenario time without readings"
-    )
+    withhold_s: list[Span] = Field(default_factory=list, description="spans [from, to) of scenario time without readings")
 
 
 class Observed(NamedTuple):

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from datetime import datetime
+from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -48,24 +49,40 @@ def read_gnss_log(path: Path) -> list[RecordedFix]:
     fixes: list[RecordedFix] = []
     start: float | None = None
     with path.open(newline="", encoding="utf-8") as file:
-        for number, row in enumerate(csv.DictReader(file), start=2):
-            field = "time_utc"
-            try:
-                # the receiver stamps on a grid of tenths; ISO text carries them to the millisecond
-                t = datetime.fromisoformat(row["time_utc"].replace("Z", "+00:00")).timestamp()
+        rows = csv.DictReader(file)
+        try:
+            for row in rows:
+                t, latitude, longitude, solution = (_value(row, name) for name in COLUMNS)
                 start = t if start is None else start
-                field = "latitude_deg"
-                latitude = float(row[field])
-                field = "longitude_deg"
-                longitude = float(row[field])
-                field = "position_type"
-                solution = _solution(row[field])
-            except (KeyError, ValueError, TypeError, AttributeError) as error:
-                raise ValueError(f"{path}: line {number}: {field}: {error}") from error
-            fixes.append(RecordedFix(round(t - start, 3), latitude, longitude, solution))
+                # the receiver stamps on a grid of tenths; ISO text carries them to the millisecond
+                fixes.append(RecordedFix(round(t - start, 3), latitude, longitude, solution))
+        except (ValueError, csv.Error) as error:
+            raise ValueError(f"{path}: line {rows.line_num}: {error}") from error
     if len(fixes) < 2:
         raise ValueError(f"{path}: fewer than two fixes")
     return sorted(fixes, key=lambda fix: fix.t_s)
+
+
+def _value(row: dict[str, Any], name: str) -> Any:
+    text = row.get(name)
+    if text is None:
+        raise ValueError(f"{name}: missing")
+    try:
+        return COLUMNS[name](text)
+    except ValueError as error:
+        raise ValueError(f"{name}: {error}") from error
+
+
+def _time(text: str) -> float:
+    time = datetime.fromisoformat(text.replace("Z", "+00:00"))
+    return (time if time.tzinfo else time.replace(tzinfo=UTC)).timestamp()
+
+
+def _degrees(text: str, limit: float) -> float:
+    value = float(text)
+    if not -limit <= value <= limit:
+        raise ValueError(f"{text} is not within {limit:g} degrees of 0")
+    return value
 
 
 def _solution(position_type: str) -> str:
@@ -73,6 +90,14 @@ def _solution(position_type: str) -> str:
         if position_type.startswith(prefix):
             return solution
     return "none"
+
+
+COLUMNS: dict[str, Callable[[str], Any]] = {
+    "time_utc": _time,
+    "latitude_deg": lambda text: _degrees(text, 90.0),
+    "longitude_deg": lambda text: _degrees(text, 180.0),
+    "position_type": _solution,
+}
 
 
 def smooth_motion(fixes: Sequence[RecordedFix], track: Track, fix_std_m: float, jerk_psd: float) -> KnotMotion:
