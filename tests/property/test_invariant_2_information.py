@@ -144,7 +144,7 @@ def extended(units, readings, fixes, epochs):
 def test_a_private_state_lives_on_in_the_fuser_when_its_filter_restarts():
     """GIVEN a biased sensor whose bias was learned, WHEN its filter restarts, THEN nothing is learned twice or forgotten."""
     units = sensors(Plain, Biased)
-    readings, fixes = drive(3, units, 4.0, 40.0)
+    readings, _ = drive(3, units, 4.0, 40.0)
 
     def variance_after(restart: bool) -> list[list[float]]:
         fuser, filters = fuser_of(units), {name: filter_of(units, name) for name in units}

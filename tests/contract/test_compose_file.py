@@ -1,0 +1,67 @@
+"""compose.yaml starts the default train's processes, each under its own name, and nothing else."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+from milepost.cli.main import DEFAULT_TRAIN
+from milepost.runtime.config import load_train
+from milepost.runtime.roles import ROLES, Process, processes
+
+ROOT = Path(__file__).parents[2]
+SERVICES: dict[str, dict[str, Any]] = yaml.safe_load((ROOT / "compose.yaml").read_text(encoding="utf-8"))["services"]
+PROCESSES = processes(load_train(ROOT / DEFAULT_TRAIN))
+
+
+def test_a_container_a_process_and_the_router() -> None:
+    assert sorted(SERVICES) == sorted(["router", *(process.name for process in PROCESSES)])
+
+
+@pytest.mark.parametrize("process", PROCESSES, ids=lambda process: process.name)
+def test_each_container_runs_its_process(process: Process) -> None:
+    unit = [process.unit] if ROLES[process.role].per_unit else []
+    assert SERVICES[process.name]["command"] == ["run", process.role, *unit]
+
+
+def test_router_takes_the_file_that_zenohd_takes() -> None:
+    command = SERVICES["router"]["command"]
+    assert command == ["run", "router", "--config", "deploy/zenoh/router.json5"]
+    assert (ROOT / command[-1]).is_file()
+
+
+@pytest.mark.parametrize("name", SERVICES)
+def test_what_crashes_is_started_again_but_never_the_world(name: str) -> None:
+    assert SERVICES[name]["restart"] == ("no" if name == "world" else "on-failure")
+
+
+@pytest.mark.parametrize("name", SERVICES)
+def test_every_container_can_do_as_little_as_possible(name: str) -> None:
+    service = SERVICES[name]
+    assert service["read_only"] is True
+    assert service["tmpfs"] == ["/tmp"]
+    assert service["cap_drop"] == ["ALL"]
+    assert service["security_opt"] == ["no-new-privileges:true"]
+    assert "user" not in service, "the image's user is the right one"
+    assert not {"privileged", "cap_add", "network_mode", "pid", "volumes"} & set(service)
+
+
+@pytest.mark.parametrize("name", SERVICES)
+def test_every_container_has_a_cheap_healthcheck(name: str) -> None:
+    check = SERVICES[name]["healthcheck"]
+    assert check["test"][0] in ("CMD", "CMD-SHELL")
+    assert int(check["interval"].removesuffix("s")) >= 10, "two cores run the train as well"
+
+
+def test_one_image_built_once() -> None:
+    assert len({service["image"] for service in SERVICES.values()}) == 1
+    assert [name for name, service in SERVICES.items() if "build" in service] == ["router"]
+
+
+def test_only_the_router_is_reachable_and_only_from_this_machine() -> None:
+    assert [name for name, service in SERVICES.items() if "ports" in service] == ["router"]
+    assert SERVICES["router"]["ports"] == ["127.0.0.1:${MILEPOST_PORT:-7447}:7447"]
+    assert {service["environment"]["MILEPOST_CONNECT"] for service in SERVICES.values()} == {"tcp/router:7447"}

@@ -1,0 +1,137 @@
+"""The track's chainage against independent geodesics, and there and back again."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pyproj
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from milepost.estimation.track import Balise, Line, Track
+
+GEOD = pyproj.Geod(ellps="WGS84")
+Point = tuple[float, float]
+
+
+def walk(start: Point, legs: list[tuple[float, float]]) -> list[Point]:
+    """Points reached from a start by (azimuth_deg, length_m) legs along geodesics."""
+    points = [start]
+    for azimuth, length in legs:
+        lon, lat, _ = GEOD.fwd(*points[-1], azimuth, length)
+        points.append((lon, lat))
+    return points
+
+
+starts = st.tuples(st.floats(-179.0, 179.0), st.floats(-65.0, 65.0))
+
+
+@st.composite
+def tracks(draw: st.DrawFn, longest_m: float = 300.0) -> tuple[list[Point], list[float]]:
+    """A gently winding line and the lengths of its legs."""
+    azimuth = draw(st.floats(-180.0, 180.0))
+    legs = []
+    for _ in range(draw(st.integers(1, 12))):
+        azimuth += draw(st.floats(-8.0, 8.0))
+        legs.append((azimuth, draw(st.floats(5.0, longest_m))))
+    return walk(draw(starts), legs), [length for _, length in legs]
+
+
+@given(track=tracks(2000.0))
+def test_chainage_is_the_length_of_the_geodesics(track: tuple[list[Point], list[float]]) -> None:
+    points, lengths = track
+    assert Track(points).length_m == pytest.approx(sum(lengths), abs=1e-5)
+
+
+@given(track=tracks(2000.0))
+def test_every_vertex_has_the_chainage_of_the_legs_before_it(track: tuple[list[Point], list[float]]) -> None:
+    points, lengths = track
+    line = Track(points)
+    for (lon, lat), chainage in zip(points, np.cumsum([0.0, *lengths]), strict=True):
+        seen = line.project(lat, lon)
+        assert seen.position_m == pytest.approx(chainage, abs=1e-3)
+        assert seen.cross_track_m < 1e-3
+        assert line.locate(float(chainage)) == pytest.approx((lat, lon), abs=1e-8)
+
+
+@settings(max_examples=150)
+@given(track=tracks(), part=st.floats(0.0, 1.0))
+def test_projecting_a_located_chainage_gives_it_back(track: tuple[list[Point], list[float]], part: float) -> None:
+    line = Track(track[0])
+    position = part * line.length_m
+    seen = line.project(*line.locate(position))
+    assert seen.position_m == pytest.approx(position, abs=1e-3)
+    assert seen.cross_track_m < 0.01
+
+
+@pytest.mark.xfail(
+    strict=True,
+    reason="locate interpolates degrees, which a long leg does not bear: 9 mm on 1 km, 0.2 m on 5 km; project is right",
+)
+def test_projecting_a_located_chainage_gives_it_back_on_long_legs_too() -> None:
+    line = Track(walk((4.5, 50.9), [(45.0, 900.0), (50.0, 5000.0)]))
+    for position in np.linspace(0.0, line.length_m, 50):
+        assert line.project(*line.locate(float(position))).position_m == pytest.approx(position, abs=1e-3)
+
+
+@pytest.mark.parametrize("side", [-90.0, 90.0])
+@pytest.mark.parametrize("offset_m", [0.5, 5.0, 50.0])
+def test_a_point_beside_the_track_has_the_chainage_of_its_foot_and_its_distance(side: float, offset_m: float) -> None:
+    line = Track(walk((4.5, 50.9), [(70.0, 250.0)] * 8))
+    for leg in range(8):
+        foot_lon, foot_lat, _ = GEOD.fwd(*walk((4.5, 50.9), [(70.0, 250.0)] * leg)[-1], 70.0, 100.0)
+        lon, lat, _ = GEOD.fwd(foot_lon, foot_lat, 70.0 + side, offset_m)
+        seen = line.project(lat, lon)
+        assert seen.position_m == pytest.approx(250.0 * leg + 100.0, abs=0.005)
+        assert seen.cross_track_m == pytest.approx(offset_m, abs=0.001)
+
+
+def test_the_planes_scale_does_not_enter_far_from_the_middle() -> None:
+    """A transverse Mercator plane is 0.3 % too long 500 km from its middle."""
+    points = walk((0.0, 45.0), [(90.0, 1000.0)] * 400)
+    line = Track(points)
+    for leg in (0, 1, 199, 398, 399):
+        lon, lat, _ = GEOD.fwd(*points[leg], GEOD.inv(*points[leg], *points[leg + 1])[0], 500.0)
+        assert line.project(lat, lon).position_m == pytest.approx(1000.0 * leg + 500.0, abs=0.02)
+
+
+def test_what_lies_beyond_the_ends_is_at_the_ends() -> None:
+    points = walk((4.5, 50.9), [(90.0, 100.0), (90.0, 100.0)])
+    line = Track(points)
+    assert line.locate(-5.0) == pytest.approx(points[0][::-1])
+    assert line.locate(1e6) == pytest.approx(points[-1][::-1])
+    before = walk(points[0], [(270.0, 30.0)])[-1]
+    assert line.project(before[1], before[0]).position_m == 0.0
+    assert line.project(before[1], before[0]).cross_track_m == pytest.approx(30.0, abs=0.01)
+
+
+@pytest.mark.parametrize("points", [[], [(4.5, 50.9)], [(4.5, 50.9), (4.5, 50.9)], [(4.5, 50.9), (4.6, 50.9), (4.6, 50.9)]])
+def test_fewer_than_two_distinct_points_are_no_track(points: list[Point]) -> None:
+    with pytest.raises(ValueError, match="points"):
+        Track(points)
+
+
+def line_of(content: dict[str, object]) -> Line:
+    return Line("l", 10.0, (Balise("b1", 1.0, 0.1),), content=content)
+
+
+def test_the_hash_is_a_function_of_the_content_alone() -> None:
+    content = {"line": "l", "balises": [["b1", 1.0]], "length_m": 10.0}
+    shuffled = dict(reversed(content.items()))
+    assert line_of(content).content_hash == line_of(shuffled).content_hash
+    assert len(line_of(content).content_hash) == 16
+    int(line_of(content).content_hash, 16)
+
+
+def test_the_hash_changes_with_the_last_digit_of_the_content() -> None:
+    content = {"line": "l", "balises": [["b1", 1.0]], "length_m": 10.0}
+    others: list[dict[str, object]] = [
+        {**content, "length_m": math.nextafter(10.0, 11.0)},
+        {**content, "balises": [["b1", math.nextafter(1.0, 2.0)]]},
+        {**content, "balises": [["b2", 1.0]]},
+        {**content, "line": "m"},
+        {**content, "points": None},
+    ]
+    assert len({line_of(content).content_hash, *(line_of(other).content_hash for other in others)}) == 6
