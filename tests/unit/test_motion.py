@@ -119,9 +119,9 @@ def test_what_the_jerk_adds_in_a_step_has_the_covariance_of_the_estimators_model
 
 
 def test_the_start_is_spread_as_asked() -> None:
-    starts = np.array([white_jerk(seed).at(0.0) for seed in range(400)]) - np.array([0.0, 20.0, 0.0])
+    starts = np.array([white_jerk(seed).at(0.0) for seed in range(200)]) - np.array([0.0, 20.0, 0.0])
     std = starts.std(axis=0)
-    assert std == pytest.approx([0.02, 0.1, 0.01], rel=5.0 / math.sqrt(2 * 400))
+    assert std == pytest.approx([0.02, 0.1, 0.01], rel=5.0 / math.sqrt(2 * 200))
 
 
 def stationary_std(driver_s: float, psd: float) -> NDArray[np.float64]:
@@ -148,7 +148,8 @@ def test_without_jerk_and_spread_a_motion_is_its_profile() -> None:
     profile = Profile([(0.0, 0.0), (10.0, 20.0), (30.0, 20.0), (40.0, 5.0)], 100.0)
     motion = WhiteJerkMotion(profile, 60.0, 0.0, None, [0.0] * 3, 1)
     for t in np.arange(0.005, 55.0, 0.37):
-        assert motion.at(t) == pytest.approx(profile.at(t), abs=0.02)
+        # acceleration turns within the 10 ms before a corner
+        assert motion.at(t)[:2] == pytest.approx(profile.at(t)[:2], abs=0.02)
         assert motion.at(round(t, 2)) == pytest.approx(profile.at(round(t, 2)), abs=1e-9)
 
 
@@ -254,6 +255,7 @@ def test_only_trustworthy_fixes_show_the_motion_and_time_still_starts_at_zero() 
     assert smooth.at(0.0)[0] < smooth.at(5.0)[0] < smooth.at(10.0)[0]
 
 
+@pytest.mark.filterwarnings("error")
 def test_a_fix_that_stands_twice_in_a_log_does_not_spoil_the_motion() -> None:
     truth = known_motion()
     fixes = noisy_fixes(truth, 0.02)

@@ -39,12 +39,14 @@ def tracks(draw: st.DrawFn, longest_m: float = 300.0) -> tuple[list[Point], list
     return walk(draw(starts), legs), [length for _, length in legs]
 
 
+@settings(max_examples=30)
 @given(track=tracks(2000.0))
 def test_chainage_is_the_length_of_the_geodesics(track: tuple[list[Point], list[float]]) -> None:
     points, lengths = track
     assert Track(points).length_m == pytest.approx(sum(lengths), abs=1e-5)
 
 
+@settings(max_examples=30)
 @given(track=tracks(2000.0))
 def test_every_vertex_has_the_chainage_of_the_legs_before_it(track: tuple[list[Point], list[float]]) -> None:
     points, lengths = track
@@ -56,7 +58,7 @@ def test_every_vertex_has_the_chainage_of_the_legs_before_it(track: tuple[list[P
         assert line.locate(float(chainage)) == pytest.approx((lat, lon), abs=1e-8)
 
 
-@settings(max_examples=150)
+@settings(max_examples=80)
 @given(track=tracks(), part=st.floats(0.0, 1.0))
 def test_projecting_a_located_chainage_gives_it_back(track: tuple[list[Point], list[float]], part: float) -> None:
     line = Track(track[0])
