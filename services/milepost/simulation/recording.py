@@ -107,7 +107,8 @@ def smooth_motion(fixes: Sequence[RecordedFix], track: Track, fix_std_m: float, 
     C = P_k Fᵀ P̄_{k+1}⁻¹, x_k ← x_k + C (x_{k+1} - x̄_{k+1}). Gaps in the fixes are bridged by the quintic between their ends.
     Raises ValueError with fewer than four such fixes. Source: Rauch, Tung and Striebel, AIAA J. 3(8), 1965.
     """
-    good = [fix for fix in fixes if fix.solution == "rtk_fixed"]
+    # a log may say the same time twice; between two knots there must be time
+    good = list({fix.t_s: fix for fix in fixes if fix.solution == "rtk_fixed"}.values())
     if len(good) < 4:
         raise ValueError("fewer than four RTK-fixed positions: they show no motion")
     times = np.array([fix.t_s for fix in good])
