@@ -1,4 +1,4 @@
-"""compose.yaml brought up for real and looked at from outside, as a dispatch tool would: eclipse-zenoh and msgpack, nothing of ours."""
+"""compose.yaml brought up for real and looked at from outside, as a dispatch tool would: only eclipse-zenoh and msgpack."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -84,11 +85,11 @@ def run(command: list[str], timeout_s: float, environment: dict[str, str] | None
         env=environment,
         timeout=timeout_s,
         text=True,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
+        capture_output=True,
         check=False,
     )
-    assert done.returncode == 0, f"{' '.join(command)}: exit code {done.returncode}\n{done.stdout}\n{done.stderr}"
+    if done.returncode:
+        pytest.fail(f"{' '.join(command)}: exit code {done.returncode}\n{done.stdout}\n{done.stderr}", pytrace=False)
     return done.stdout
 
 
@@ -127,9 +128,9 @@ class Listener:
                 last = self.states[-1] if self.states else None
                 pytest.fail(f"not within {within_s:g} s: {what}. Last of {len(self.states)} states: {last}")
 
-    def wait_for_state(self, condition: Callable[[State], bool], within_s: float, what: str) -> int:
-        """The index of the first state, from now on, that meets a condition."""
-        at = len(self.states)
+    def wait_for_state(self, condition: Callable[[State], bool], within_s: float, what: str, first: int | None = None) -> int:
+        """The index of the first state that meets a condition, from index `first` on, or from now on."""
+        at = len(self.states) if first is None else first
 
         def found() -> bool:
             nonlocal at
@@ -145,20 +146,11 @@ class Listener:
     def span(self, first: int, epochs: int) -> list[tuple[float, State]]:
         """The states of so many epochs from an index on, when they and the truth for the last have come."""
         end = self.states[first][1]["epoch"] + epochs
-        last = first + self.wait_from(first, lambda s: s["epoch"] >= end, epochs * EPOCH_NS * 1e-9 + 10.0)
+        within_s = epochs * EPOCH_NS * 1e-9 + 10.0
+        last = self.wait_for_state(lambda state: state["epoch"] >= end, within_s, "the end of the window", first)
         end_ns = self.states[last][1]["measured_at_ns"]
-        self.wait(lambda: any(at >= end_ns for at in reversed(self.truths)), 5.0, "the truth for the last state")
+        self.wait(lambda: max(self.truths, default=0) >= end_ns, 5.0, "the truth for the last state")
         return self.states[first : last + 1]
-
-    def wait_from(self, first: int, condition: Callable[[State], bool], within_s: float) -> int:
-        found: list[int] = []
-
-        def look() -> bool:
-            found[:] = [i for i, (_, state) in enumerate(self.states[first:]) if condition(state)][:1]
-            return bool(found)
-
-        self.wait(look, within_s, "the end of the window")
-        return found[0]
 
 
 @dataclass
@@ -166,6 +158,7 @@ class Stack:
     """The containers of one project."""
 
     compose: list[str]
+    project: str
     environment: dict[str, str]
     listener: Listener = field(default_factory=Listener)
     figures: dict[str, float] = field(default_factory=dict)
@@ -174,9 +167,11 @@ class Stack:
         return run([*self.compose, *arguments], timeout_s, self.environment)
 
     def container(self, service: str) -> str:
-        found = self.call("ps", "-a", "-q", service) if self.compose[0] == "docker" else self.call("ps", "-q", service)
-        assert len(found.split()) == 1, f"{service}: containers {found.split()}"
-        return found.strip()
+        labels = {"project": self.project, "service": service}
+        filters = [f"--filter=label=com.docker.compose.{name}={value}" for name, value in labels.items()]
+        found = run(["docker", "ps", "-a", "-q", *filters], 30.0).split()
+        assert len(found) == 1, f"{service}: containers {found}"
+        return found[0]
 
     def inspect(self, service: str) -> dict[str, Any]:
         found: list[dict[str, Any]] = json.loads(run(["docker", "inspect", self.container(service)], 30.0))
@@ -190,7 +185,7 @@ class Stack:
 def stack(request: pytest.FixtureRequest) -> Iterator[Stack]:
     tool, port = find_compose(), free_port()
     project = f"milepost-test-{os.getpid()}"
-    stack = Stack([*tool, "-f", str(COMPOSE_FILE), "-p", project], {**os.environ, "MILEPOST_PORT": str(port)})
+    stack = Stack([*tool, "-f", str(COMPOSE_FILE), "-p", project], project, {**os.environ, "MILEPOST_PORT": str(port)})
     config = {
         "mode": "client",
         "connect": {"endpoints": [f"tcp/127.0.0.1:{port}"], "timeout_ms": 30000, "exit_on_failure": True},
@@ -210,24 +205,24 @@ def stack(request: pytest.FixtureRequest) -> Iterator[Stack]:
                 session.declare_subscriber(f"{TRAIN}/@sim/truth", listener.on_truth),
                 session.liveliness().declare_subscriber(f"{TRAIN}/alive/*/*", listener.on_token, history=True),
             ]
-            listener.wait(lambda: bool(listener.states), 60.0, f"a first state\n{stack.call('logs', '--tail', '20')}")
+            listener.wait(lambda: bool(listener.states), 60.0, "a first state")
             figures["first state after s"] = listener.states[0][0] - begun
             yield stack
             del kept
     finally:
-        logs = subprocess.run(
-            [*stack.compose, "logs", "--no-color", "--tail", "20"], env=stack.environment, check=False, **OUTPUT
-        )
+        tell(request, stack)
         stack.call("down", "--volumes", "--remove-orphans", "--timeout", "5")
-        # shown by pytest for a test that fails
-        print(logs.stdout)
-        reporter = request.config.pluginmanager.get_plugin("terminalreporter")
-        if reporter is not None and figures:
-            reporter.ensure_newline()
-            reporter.write_line("compose: " + "; ".join(f"{name} {value:.3g}" for name, value in figures.items()))
 
 
-OUTPUT: dict[str, Any] = {"cwd": ROOT, "text": True, "stdout": subprocess.PIPE, "stderr": subprocess.STDOUT}
+def tell(request: pytest.FixtureRequest, stack: Stack) -> None:
+    """Show what was measured and, where something failed, what the containers said."""
+    reporter = request.config.pluginmanager.get_plugin("terminalreporter")
+    capture = request.config.pluginmanager.get_plugin("capturemanager")
+    with capture.global_and_fixture_disabled():
+        reporter.ensure_newline()
+        reporter.write_line("; ".join(f"{name} {value:.3g}" for name, value in stack.figures.items()))
+        if request.session.testsfailed:
+            reporter.write_line(stack.call("logs", "--no-color", "--tail", "20"))
 
 
 def units(state: State, name: str) -> list[str]:
@@ -308,7 +303,7 @@ def test_a_killed_sensor_is_out_at_once_and_back_when_started(stack: Stack) -> N
     process, gone_at, _ = next(token for token in listener.tokens[tokens:] if not token[2])
     assert process == "sensor-radar"
 
-    out = before + listener.wait_from(before, lambda state: "radar" in units(state, "excluded"), 10.0)
+    out = listener.wait_for_state(lambda state: "radar" in units(state, "excluded"), 10.0, "radar excluded", before)
     out_at, state = listener.states[out]
     stack.figures["sensor out after its token ms"] = (out_at - gone_at) * 1e3
     assert {"unit": "radar", "reason": "process gone"} in state["excluded"]
@@ -320,7 +315,7 @@ def test_a_killed_sensor_is_out_at_once_and_back_when_started(stack: Stack) -> N
         assert state["sensors"][0]["share"] == pytest.approx(1.0)
     check_against_truth(stack, heard)
     received = [at for at, _ in listener.states[before : out + 1]]
-    assert max(b - a for a, b in zip(received, received[1:], strict=False)) < SILENCE_S, "the state stopped meanwhile"
+    assert max(b - a for a, b in pairwise(received)) < SILENCE_S, "the state stopped meanwhile"
     assert stack.inspect("sensor-radar")["State"]["Status"] == "exited", "`docker kill` is an order, not a crash"
 
     stack.call("start", "sensor-radar")
@@ -333,9 +328,9 @@ def test_a_crashed_process_comes_back_by_itself(stack: Stack) -> None:
     before = listener.wait_for_state(is_whole, 30.0, "a normal state to begin with")
     # PID 1 is the engine's init; its child is the process
     stack.inside("filter-loop", "kill -KILL $(cat /proc/1/task/1/children)")
-    out = before + listener.wait_from(before, lambda state: "loop" in units(state, "excluded"), 10.0)
+    out = listener.wait_for_state(lambda state: "loop" in units(state, "excluded"), 10.0, "loop excluded", before)
     assert {"unit": "loop", "reason": "process gone"} in listener.states[out][1]["excluded"]
-    back = out + listener.wait_from(out, is_whole, 20.0)
+    back = listener.wait_for_state(is_whole, 20.0, "loop in use again and a normal state", out)
     stack.figures["crash to normal again s"] = listener.states[back][0] - listener.states[out][0]
     assert stack.inspect("filter-loop")["RestartCount"] == 1
     check_against_truth(stack, listener.span(back, epochs=50))
@@ -345,11 +340,11 @@ def test_a_crashed_process_comes_back_by_itself(stack: Stack) -> None:
 def test_stop_ends_every_process_cleanly(stack: Stack) -> None:
     begun = time.monotonic()
     stack.call("stop")
-    stack.figures["stopped within s"] = time.monotonic() - begun
+    took_s = stack.figures["stopped within s"] = time.monotonic() - begun
     ends = {service: stack.inspect(service)["State"] for service in SERVICES}
     assert {service: end["ExitCode"] for service, end in ends.items()} == dict.fromkeys(SERVICES, 0)
     assert {end["Status"] for end in ends.values()} == {"exited"}
-    assert time.monotonic() - begun < 20.0
+    assert took_s < 20.0
     # up to the microsecond: the engine writes as many digits as it likes
     finished = {service: end["FinishedAt"][:26] for service, end in ends.items()}
     assert max(finished, key=lambda service: finished[service]) == "router", "the others could not say goodbye"
