@@ -1,0 +1,481 @@
+"""Every kind of sensor errs as its file says, and a restarted one says what it would have said."""
+
+from __future__ import annotations
+
+import itertools
+import json
+import math
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from examples import REPLAYED_ONLY, head, options_of, sensor, straight_line, world
+from milepost.estimation.track import Line, Track
+from milepost.sensors import SENSORS
+from milepost.sensors.base import Measured, SensorOptions, Source, World
+from milepost.sensors.induction_loop import LONGEST_BOUND_S, Crossings
+from milepost.simulation.recording import read_gnss_log
+from milepost_schemas import BY_NAME, PositionReading, SpeedReading
+
+SIMULATED = sorted(set(SENSORS) - REPLAYED_ONLY)
+each_kind = pytest.mark.parametrize("kind", sorted(SENSORS))
+each_simulated = pytest.mark.parametrize("kind", SIMULATED)
+
+
+def readings(source: Source, until_s: float = math.inf) -> list[Measured]:
+    """All readings that are ready by a time."""
+    out = []
+    while (ready := source.next_s()) is not None and ready <= until_s:
+        measured = source.read()
+        if measured is not None:
+            out.append(measured)
+    return out
+
+
+def opened(kind: str, on: World, from_s: float = 0.0, **options: Any) -> Source:
+    return sensor(kind, on.line, **options).open(on, from_s)
+
+
+def speeds(measured: list[Measured]) -> list[Measured]:
+    return [m for m in measured if m.fields.get("speed_mps") is not None]
+
+
+def bounds(measured: list[Measured]) -> list[Measured]:
+    return [m for m in measured if m.fields.get("speed_max_mps") is not None]
+
+
+def same_to_the_nanosecond(some: list[Measured], others: list[Measured]) -> bool:
+    """Passages are roots, found to a picosecond from wherever the search began."""
+    return [(round(m.measured_s, 9), m.fields) for m in some] == [(round(m.measured_s, 9), m.fields) for m in others]
+
+
+# every kind ------------------------------------------------------------------------------------------------------------
+
+
+@each_kind
+def test_a_kind_is_filed_under_its_name_and_its_stream_carries_its_readings(kind: str) -> None:
+    row = SENSORS[kind]
+    assert row.kind == kind
+    assert row.stream in BY_NAME
+    assert BY_NAME[row.stream].key == "reading/{unit}"
+    assert issubclass(row.options_model, SensorOptions)
+    assert row.options_model.model_validate(options_of(kind)).kind == kind
+
+
+@each_kind
+def test_a_sensor_refuses_options_that_it_does_not_know(kind: str) -> None:
+    with pytest.raises(ValueError, match="Extra inputs"):
+        sensor(kind, straight_line(), invented=1)
+
+
+@each_kind
+def test_a_sensor_without_a_world_has_no_simulated_source(kind: str) -> None:
+    with pytest.raises(ValueError, match="unit"):
+        sensor(kind, straight_line()).open(None, 0.0)
+
+
+@each_simulated
+def test_readings_make_valid_messages_in_order_of_readiness_and_never_from_the_future(kind: str) -> None:
+    source = opened(kind, world(jerk_psd=1e-6, end_s=20.0))
+    message = BY_NAME[SENSORS[kind].stream].message
+    before, count = -math.inf, 0
+    while (ready := source.next_s()) is not None:
+        assert ready >= before
+        before = ready
+        measured = source.read()
+        if measured is not None:
+            message(**head("unit"), **measured.fields)
+            assert 0.0 <= measured.measured_s <= ready + 1e-9
+            count += 1
+    assert count > 0
+    assert before <= 20.0 + 1.0
+
+
+@each_simulated
+def test_the_same_seed_gives_the_same_readings_and_another_seed_or_unit_others(kind: str) -> None:
+    def said(seed: int, unit: str) -> list[Measured]:
+        on = world(seed=seed, end_s=10.0)
+        return readings(sensor(kind, on.line, unit).open(on, 0.0))
+
+    assert said(1, "a") == said(1, "a")
+    assert said(1, "a") != said(2, "a")
+    assert said(1, "a") != said(1, "b")
+
+
+@each_simulated
+@pytest.mark.parametrize("from_s", [0.5, 3.0, 10.0, 10.003, 12.3456, 25.001])
+def test_a_source_opened_later_says_what_one_opened_at_the_start_says_from_then_on(kind: str, from_s: float) -> None:
+    on = world(jerk_psd=1e-6, end_s=30.0)
+    whole, late = readings(opened(kind, on)), readings(opened(kind, on, from_s))
+    # a pulse sensor measures between pulses: its first reading needs two that it saw itself
+    begun = late[0].measured_s if kind == "induction_loop" else from_s
+    assert begun <= from_s + 0.05
+    expected = [m for m in whole if m.measured_s >= begun]
+    assert late
+    if kind == "balise_reader":
+        assert same_to_the_nanosecond(late, expected)
+    else:
+        assert late == expected
+
+
+@each_simulated
+def test_a_source_ends_with_its_world(kind: str) -> None:
+    source = opened(kind, world(end_s=3.0))
+    said = readings(source)
+    assert source.next_s() is None
+    assert all(m.measured_s <= 3.0 for m in said)
+
+
+# Doppler radar -----------------------------------------------------------------------------------------------------------
+
+
+def test_the_radars_error_is_white_with_the_variance_that_it_states() -> None:
+    on = world(end_s=200.0, jerk_psd=1e-6)
+    said = readings(opened("doppler_radar", on))
+    n = len(said)
+    assert n == 20_001
+    assert {m.fields["speed_variance_m2ps2"] for m in said} == {0.04}
+    error = np.array([m.fields["speed_mps"] - on.motion.at(m.measured_s)[1] for m in said])
+    assert abs(error.mean()) < 4.0 * 0.2 / math.sqrt(n)
+    assert error.var() == pytest.approx(0.04, rel=4.0 * math.sqrt(2.0 / n))
+    # normal: the fourth moment is three times the squared variance, with a standard deviation of √96 / √n
+    assert np.mean(error**4) / error.var() ** 2 == pytest.approx(3.0, abs=4.0 * math.sqrt(96.0 / n))
+    for lag in (1, 2, 5, 512):
+        assert abs(np.mean(error[lag:] * error[:-lag])) / 0.04 < 4.0 / math.sqrt(n)
+
+
+@pytest.mark.parametrize(("rate_hz", "variance"), [(50.0, 0.25), (200.0, 0.01)])
+def test_the_radar_keeps_its_rate_and_variance_as_configured(rate_hz: float, variance: float) -> None:
+    on = world(end_s=40.0)
+    said = readings(opened("doppler_radar", on, rate_hz=rate_hz, speed_variance_m2ps2=variance))
+    assert [m.measured_s for m in said] == pytest.approx(np.arange(len(said)) / rate_hz)
+    assert len(said) == 40.0 * rate_hz + 1
+    error = np.array([m.fields["speed_mps"] - 20.0 for m in said])
+    assert error.var() == pytest.approx(variance, rel=5.0 * math.sqrt(2.0 / len(said)))
+
+
+def test_the_radar_observes_the_speed() -> None:
+    radar = sensor("doppler_radar", straight_line())
+    reading = SpeedReading(**head(), speed_mps=12.5, speed_variance_m2ps2=0.04)
+    assert [tuple(o) for o in radar.observe(reading, None)] == [((0.0, 1.0, 0.0), 12.5, 0.04)]
+    assert radar.observe(SpeedReading(**head(), speed_max_mps=0.5), None) == ()
+    assert radar.period_s == 0.01
+
+
+# induction loop ----------------------------------------------------------------------------------------------------------
+
+PITCH, PITCH_STD = 0.1, 0.00224
+
+
+@pytest.mark.parametrize("speed", [3.0, 20.0, 47.0])
+def test_the_loop_states_the_variance_of_its_error(speed: float) -> None:
+    on = world([(0.0, speed)], end_s=60.0)
+    said = speeds(readings(opened("induction_loop", on)))
+    assert len(said) > 1000
+    squares = []
+    for m in said:
+        dt = m.fields["interval_s"]
+        pitches = m.fields["speed_mps"] * dt / PITCH
+        assert pitches == pytest.approx(round(pitches), abs=1e-9)
+        assert m.fields["speed_variance_m2ps2"] == pytest.approx(round(pitches) * PITCH_STD**2 / dt**2)
+        error = m.fields["speed_mps"] - speed
+        squares.append(error**2 / m.fields["speed_variance_m2ps2"])
+    assert np.mean(squares) == pytest.approx(1.0, abs=5.0 * math.sqrt(2.0 / len(squares)))
+
+
+def test_the_loops_variance_at_20_metres_a_second_is_that_of_the_source() -> None:
+    said = speeds(readings(opened("induction_loop", world(end_s=20.0))))
+    variance = np.mean([m.fields["speed_variance_m2ps2"] for m in said])
+    assert variance == pytest.approx(0.1, rel=0.02)
+
+
+def test_the_loops_readings_lie_end_to_end_and_add_up_to_32_centimetres_rms_after_2_kilometres() -> None:
+    """√(2000 m / 0.1 m) · 2.24 mm = 0.317 m: a missed or doubled interval would add at least a pitch each."""
+    errors = []
+    for seed in range(30):
+        on = world([(0.0, 50.0)], end_s=40.05, seed=seed)
+        said = speeds(readings(opened("induction_loop", on)))
+        middle, speed = np.array([(m.measured_s, m.fields["speed_mps"]) for m in said]).T
+        half = 0.5 * np.array([m.fields["interval_s"] for m in said])
+        begin, end = middle - half, middle + half
+        assert np.abs(begin[1:] - end[:-1]).max() < 1e-9
+        travelled = on.motion.at(float(end[-1]))[0] - on.motion.at(float(begin[0]))[0]
+        errors.append(float(speed @ (2.0 * half)) - travelled)
+    expected = PITCH_STD * math.sqrt(2000.0 / PITCH)
+    assert expected == pytest.approx(0.317, abs=0.001)
+    assert math.sqrt(np.mean(np.square(errors))) == pytest.approx(expected, rel=4.0 / math.sqrt(2 * len(errors)))
+    assert abs(np.mean(errors)) < 4.0 * expected / math.sqrt(len(errors))
+
+
+def test_the_loop_stamps_a_reading_where_the_speed_is_the_mean_speed() -> None:
+    """At 2 m/s² a stamp at the last pulse would be off by a Δt/2, about 0.01 m/s."""
+    on = world([(0.0, 5.0), (20.0, 45.0)], end_s=19.0)
+    said = speeds(readings(opened("induction_loop", on, pitch_std_m=1e-9)))
+    assert len(said) > 1000
+    for m in said:
+        assert m.fields["speed_mps"] == pytest.approx(on.motion.at(m.measured_s)[1], abs=1e-5)
+
+
+def test_the_loops_silence_is_an_upper_bound_that_falls_and_never_zero_and_ends() -> None:
+    on = world([(0.0, 4.0), (8.0, 0.0)], end_s=30.0)
+    said = readings(opened("induction_loop", on, pitch_std_m=1e-9))
+    assert all(m.fields["speed_mps"] > 0.0 for m in speeds(said))
+    last = speeds(said)[-1]
+    last_pulse = last.measured_s + 0.5 * last.fields["interval_s"]
+    silence = [m for m in bounds(said) if m.measured_s > last_pulse]
+    assert len(silence) >= 5
+    for m in bounds(said):
+        assert set(m.fields) == {"speed_max_mps", "interval_s"}
+        assert m.fields["speed_max_mps"] >= on.motion.at(m.measured_s)[1] > -1e-9
+        assert m.fields["speed_max_mps"] == pytest.approx(PITCH / m.fields["interval_s"])
+    falling = [m.fields["speed_max_mps"] for m in silence]
+    assert all(b <= 0.5 * a + 1e-9 for a, b in itertools.pairwise(falling))
+    assert all(bound > 0.0 for bound in falling)
+    ends = [m.measured_s + 0.5 * m.fields["interval_s"] for m in silence]
+    assert max(ends) <= last_pulse + LONGEST_BOUND_S + 1e-9
+    assert on.motion.end_s > max(ends) + 10.0
+
+
+def test_a_loop_that_starts_at_standstill_says_bounds_and_then_nothing() -> None:
+    said = readings(opened("induction_loop", world([(0.0, 0.0)], end_s=20.0)))
+    assert speeds(said) == []
+    assert bounds(said)
+    assert all(m.measured_s + 0.5 * m.fields["interval_s"] <= LONGEST_BOUND_S + 1e-9 for m in said)
+
+
+def test_the_loop_takes_a_bound_as_half_of_it_give_or_take_as_much() -> None:
+    loop = sensor("induction_loop", straight_line())
+    bound = SpeedReading(**head(), speed_max_mps=0.5, interval_s=0.2)
+    assert [tuple(o) for o in loop.observe(bound, None)] == [((0.0, 1.0, 0.0), 0.25, 0.0625)]
+    value = SpeedReading(**head(), speed_mps=20.0, speed_variance_m2ps2=0.1)
+    assert [tuple(o) for o in loop.observe(value, None)] == [((0.0, 1.0, 0.0), 20.0, 0.1)]
+    assert loop.period_s is None
+
+
+def test_crossings_are_a_fixed_property_of_the_track() -> None:
+    forward, backward = (Crossings(1, "loop", PITCH, PITCH_STD) for _ in range(2))
+    wanted = [0, 1, 511, 512, 513, 2000, 5119, 5120]
+    places = {k: forward.position(k) for k in wanted}
+    assert {k: backward.position(k) for k in reversed(wanted)} == places
+    steps = np.diff([forward.position(k) for k in range(6000)])
+    assert steps.mean() == pytest.approx(PITCH, abs=4.0 * PITCH_STD / math.sqrt(6000))
+    assert steps.std() == pytest.approx(PITCH_STD, rel=4.0 / math.sqrt(2 * 6000))
+    for position in (0.0, 0.05, 51.3, 200.0, 511.99):
+        k = forward.last_before(position)
+        assert forward.position(k) <= position < forward.position(k + 1)
+
+
+# balise reader -----------------------------------------------------------------------------------------------------------
+
+
+def test_every_balise_is_read_exactly_once_in_order_at_its_passage() -> None:
+    on = world(end_s=200.0, jerk_psd=1e-6)
+    said = readings(opened("balise_reader", on))
+    passed = [b for b in on.line.balises if b.position_m <= on.motion.at(200.0)[0]]
+    assert len(passed) > 30
+    assert [m.fields["balise_id"] for m in said] == [b.balise_id for b in passed]
+    errors = np.array([on.motion.at(m.measured_s)[0] - b.position_m for m, b in zip(said, passed, strict=True)])
+    assert np.abs(errors).max() < 5.0 * 0.02
+    assert {m.fields["reader_variance_m2"] for m in said} == {0.02**2}
+
+
+def test_the_place_of_passage_errs_as_the_reader_states() -> None:
+    line = straight_line(20_000.0, every_m=10.0)
+    on = world([(0.0, 50.0)], end_s=390.0, line=line)
+    said = readings(opened("balise_reader", on))
+    place = {b.balise_id: b.position_m for b in line.balises}
+    errors = np.array([on.motion.at(m.measured_s)[0] - place[m.fields["balise_id"]] for m in said])
+    n = len(errors)
+    assert n > 1900
+    assert errors.std() == pytest.approx(0.02, rel=4.0 / math.sqrt(2 * n))
+    assert abs(errors.mean()) < 4.0 * 0.02 / math.sqrt(n)
+
+
+def test_a_telegram_is_ready_after_its_latency() -> None:
+    on = world(end_s=30.0)
+    source = opened("balise_reader", on, latency_s=0.25)
+    seen = 0
+    while (ready := source.next_s()) is not None:
+        measured = source.read()
+        if measured is not None:
+            assert ready == pytest.approx(measured.measured_s + 0.25)
+            seen += 1
+    assert seen == 5
+
+
+@pytest.mark.parametrize("balise", [1, 2, 3, 4, 5])
+def test_a_reader_that_restarts_while_over_a_balise_neither_loses_nor_repeats_it(balise: int) -> None:
+    """The heard place may lie on either side of the nominal one, and the restart between the two."""
+    on = world(end_s=30.0)
+    whole = readings(opened("balise_reader", on, read_std_m=0.2))
+    for shift_m in np.linspace(-0.6, 0.6, 25).tolist():
+        from_s = (100.0 * balise + shift_m) / 20.0
+        late = readings(opened("balise_reader", on, from_s, read_std_m=0.2))
+        assert same_to_the_nanosecond(late, [m for m in whole if m.measured_s >= from_s]), shift_m
+
+
+def test_a_train_that_stands_between_balises_reads_the_next_one_when_it_moves_on() -> None:
+    on = world([(0.0, 20.0), (10.0, 0.0), (40.0, 0.0), (50.0, 20.0)], end_s=60.0)
+    said = readings(opened("balise_reader", on))
+    assert [m.fields["balise_id"] for m in said] == ["b00001", "b00002", "b00003"]
+    assert said[1].measured_s > 40.0
+
+
+def test_a_balise_is_nothing_to_a_filter() -> None:
+    reader = sensor("balise_reader", straight_line())
+    assert reader.observe(object(), None) == ()
+    assert reader.period_s is None
+    assert reader.options.filter is None
+
+
+# GNSS --------------------------------------------------------------------------------------------------------------------
+
+POINTS = [(4.5 + 0.002 * i, 50.9) for i in range(10)]
+SOLUTIONS = {
+    "NARROW_INT3": "rtk_fixed",
+    "WIDE_INT": "rtk_fixed",
+    "NARROW_FLOAT": "rtk_float",
+    "L1_FLOAT": "rtk_float",
+    "PSRDIFF": "differential",
+    "SINGLE": "single",
+    "PROPAGATED": "propagated",
+    "NONE": "none",
+    "": "none",
+}
+COLUMNS = "time_utc,latitude_deg,longitude_deg,position_type"
+
+
+def write_log(folder: Path, rows: list[str], columns: str = COLUMNS) -> Path:
+    path = folder / "log.csv"
+    path.write_text("\n".join([columns, *rows]) + "\n", encoding="utf-8")
+    return path
+
+
+def row(second: float, lon: float = 4.501, lat: float = 50.9, solution: str = "NARROW_INT3") -> str:
+    return f"2022-02-25T09:32:{second:06.3f}Z,{lat},{lon},{solution}"
+
+
+def gnss(path: Path, **options: Any) -> Any:
+    folder = path.parent
+    (folder / "line.geojson").write_text(json.dumps({"type": "LineString", "coordinates": POINTS}), encoding="utf-8")
+    line = Line("l", Track(POINTS).length_m, (), 0.0, Track(POINTS))
+    return sensor("gnss", line, source="recording", recording=str(path), **options)
+
+
+def test_recorded_fixes_come_at_their_own_pace_counted_from_the_first(tmp_path: Path) -> None:
+    path = write_log(tmp_path, [row(54.4), row(54.8), row(55.2, 4.502), row(59.9)])
+    source = gnss(path).open(None, 0.0)
+    ready = []
+    while (t := source.next_s()) is not None:
+        measured = source.read()
+        assert measured.measured_s == t
+        ready.append(t)
+    assert ready == [0.0, 0.4, 0.8, 5.5]
+
+
+def test_a_replay_opened_later_goes_on_from_there(tmp_path: Path) -> None:
+    receiver = gnss(write_log(tmp_path, [row(50.0 + 0.4 * i, 4.5 + 0.001 * i) for i in range(20)]))
+    whole = readings(receiver.open(None, 0.0))
+    for from_s in (0.0, 0.4, 1.0, 7.6, 8.0):
+        assert readings(receiver.open(None, from_s)) == [m for m in whole if m.measured_s >= from_s]
+
+
+@pytest.mark.parametrize("written", SOLUTIONS)
+def test_what_the_receiver_calls_a_solution_is_understood(tmp_path: Path, written: str) -> None:
+    path = write_log(tmp_path, [row(1.0, solution=written), row(2.0)])
+    fix = readings(gnss(path).open(None, 0.0))[0]
+    assert fix.fields == {"latitude_deg": 50.9, "longitude_deg": 4.501, "solution": SOLUTIONS[written]}
+    PositionReading(**head("gnss"), **fix.fields)
+
+
+def fix_at(chainage_m: float, aside_m: float = 0.0, solution: str = "rtk_fixed") -> PositionReading:
+    lat, lon = Track(POINTS).locate(chainage_m)
+    return PositionReading(**head("gnss"), latitude_deg=lat + aside_m / 111_200.0, longitude_deg=lon, solution=solution)
+
+
+def test_a_fix_observes_the_chainage_with_the_variance_of_its_solution(tmp_path: Path) -> None:
+    receiver = gnss(write_log(tmp_path, [row(1.0), row(2.0)]), position_std_m={"rtk_fixed": 0.1, "single": 2.0})
+    for solution, variance in (("rtk_fixed", 0.01), ("single", 4.0)):
+        ((h, value, r),) = receiver.observe(fix_at(321.0, 3.0, solution), None)
+        assert h == (1.0, 0.0, 0.0)
+        assert value == pytest.approx(321.0, abs=0.01)
+        assert r == pytest.approx(variance)
+
+
+@pytest.mark.parametrize("solution", ["none", "propagated", "single", "differential", "rtk_float"])
+def test_a_solution_that_is_not_listed_does_not_count(tmp_path: Path, solution: str) -> None:
+    receiver = gnss(write_log(tmp_path, [row(1.0), row(2.0)]))
+    assert len(receiver.observe(fix_at(321.0), None)) == 1
+    assert receiver.observe(fix_at(321.0, solution=solution), None) == ()
+
+
+def test_a_fix_too_far_from_the_track_does_not_count_on_either_side(tmp_path: Path) -> None:
+    receiver = gnss(write_log(tmp_path, [row(1.0), row(2.0)]), cross_track_limit_m=5.0)
+    for aside, counts in ((4.9, True), (5.1, False), (-4.9, True), (-5.1, False), (300.0, False)):
+        assert bool(receiver.observe(fix_at(500.0, aside), None)) == counts
+
+
+def test_without_geometry_a_fix_does_not_count() -> None:
+    assert sensor("gnss", straight_line()).observe(fix_at(100.0), None) == ()
+
+
+BROKEN = {
+    "latitude": ([row(1.0), row(2.0).replace("50.9", "north"), row(3.0)], "line 3: latitude_deg: "),
+    "longitude": ([row(1.0), row(2.0), row(3.0).replace("4.501", "")], "line 4: longitude_deg: "),
+    "time": ([row(1.0), row(2.0).replace("2022-02-25", "2022-02-31"), row(3.0)], "line 3: time_utc: "),
+    "off the earth": ([row(1.0), row(2.0, lat=95.0)], "line 3: latitude_deg: "),
+    "longitude twice around": ([row(1.0), row(2.0, lon=365.0)], "line 3: longitude_deg: "),
+    "not a number": ([row(1.0), row(2.0).replace("50.9", "nan")], "line 3: latitude_deg: "),
+    "infinite": ([row(1.0), row(2.0).replace("4.501", "inf")], "line 3: longitude_deg: "),
+    "short row": ([row(1.0), "2022-02-25T09:32:02Z,50.9"], "line 3: longitude_deg: "),
+    "after an empty line": ([row(1.0), "", row(2.0).replace("50.9", "x")], "line 4: latitude_deg: "),
+    "one fix": ([row(1.0)], "fewer than two"),
+    "no fix": ([], "fewer than two"),
+    "endless field": ([row(1.0), row(2.0) + "x" * 200_000], "line 3: "),
+}
+
+
+@pytest.mark.parametrize("name", BROKEN)
+def test_what_cannot_be_read_in_a_log_is_named_by_file_line_and_field(tmp_path: Path, name: str) -> None:
+    rows, says = BROKEN[name]
+    path = write_log(tmp_path, rows)
+    with pytest.raises(ValueError, match=r"log\.csv") as caught:
+        read_gnss_log(path)
+    assert str(caught.value).startswith(f"{path}: {says}")
+
+
+@pytest.mark.parametrize("missing", COLUMNS.split(","))
+def test_a_column_that_is_not_there_is_named(tmp_path: Path, missing: str) -> None:
+    path = write_log(tmp_path, [row(1.0), row(2.0)], COLUMNS.replace(missing, "other"))
+    with pytest.raises(ValueError, match=r"log\.csv") as caught:
+        read_gnss_log(path)
+    assert str(caught.value) == f"{path}: line 2: {missing}: missing"
+
+
+def test_a_log_that_is_not_text_is_named(tmp_path: Path) -> None:
+    path = tmp_path / "log.csv"
+    path.write_bytes(b"\x89PNG\xff\xfe\x00")
+    with pytest.raises(ValueError, match=r"log\.csv") as caught:
+        read_gnss_log(path)
+    assert str(caught.value).startswith(f"{path}: ")
+
+
+def test_times_are_utc_whether_they_say_so_or_not_and_rows_are_put_in_order(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("TZ", "America/New_York")
+    time.tzset()
+    rows = [
+        row(1.0),
+        row(3.0).replace("Z", "+00:00"),
+        row(2.0).replace("Z", ""),
+        row(4.0).replace("09:32", "10:32").replace("Z", "+01:00"),
+    ]
+    try:
+        assert [fix.t_s for fix in read_gnss_log(write_log(tmp_path, rows))] == [0.0, 1.0, 2.0, 3.0]
+    finally:
+        monkeypatch.undo()
+        time.tzset()
