@@ -51,8 +51,9 @@ class _Simulated:
     def __init__(self, unit: str, options: BaliseReaderOptions, world: World, from_s: float) -> None:
         self._world, self._options = world, options
         self._noise = WhiteNoise(world.seed, unit)
-        position = world.motion.at(from_s)[0]
-        self._next = next((i for i, b in enumerate(world.line.balises) if b.position_m > position), len(world.line.balises))
+        # a balise just behind may be heard late: whoever begins over it must not lose it
+        behind = world.motion.at(from_s)[0] - 10.0 * options.read_std_m
+        self._next = next((i for i, b in enumerate(world.line.balises) if b.position_m > behind), len(world.line.balises))
         self._searched_s = from_s
         self._passage_s: float | None = None
 

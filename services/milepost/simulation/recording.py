@@ -56,7 +56,11 @@ def read_gnss_log(path: Path) -> list[RecordedFix]:
                 start = t if start is None else start
                 # the receiver stamps on a grid of tenths; ISO text carries them to the millisecond
                 fixes.append(RecordedFix(round(t - start, 3), latitude, longitude, solution))
-        except (ValueError, csv.Error) as error:
+        except UnicodeDecodeError as error:
+            raise ValueError(f"{path}: not UTF-8 text") from error
+        except csv.Error as error:
+            raise ValueError(f"{path}: line {rows.line_num + 1}: {error}") from error
+        except ValueError as error:
             raise ValueError(f"{path}: line {rows.line_num}: {error}") from error
     if len(fixes) < 2:
         raise ValueError(f"{path}: fewer than two fixes")
