@@ -1,0 +1,95 @@
+"""The balise service: a telegram becomes a fix where the line says the balise lies, at the time of passage."""
+
+from __future__ import annotations
+
+import pytest
+
+from examples import T0, examples_of, head
+from milepost.estimation.track import Balise, Line
+from milepost.nodes.balise import BaliseNode
+from milepost_schemas import BY_NAME, STREAMS, AbsoluteFix, BaliseTelegram, Event
+
+LINE = Line("l", 1000.0, (Balise("b1", 100.0, 0.05), Balise("b2", 200.5, 12.0)))
+NOW = T0 + 500_000_000
+
+
+def node() -> BaliseNode:
+    return BaliseNode("maglev-1", "n1", ["reader-a", "reader-b"], LINE)
+
+
+def telegram(balise: str, sequence: int = 3) -> BaliseTelegram:
+    return BaliseTelegram(**head("reader-a", sequence=sequence), balise_id=balise, reader_variance_m2=0.0004)
+
+
+def test_it_listens_to_the_trains_readers_and_no_one_else() -> None:
+    assert [(s.stream, s.unit) for s in node().subscriptions] == [
+        ("balise_telegram", "reader-a"),
+        ("balise_telegram", "reader-b"),
+    ]
+
+
+@pytest.mark.parametrize("balise", LINE.balises, ids=lambda b: b.balise_id)
+def test_a_telegram_becomes_a_fix_at_the_balises_place_and_the_time_of_passage(balise: Balise) -> None:
+    said = telegram(balise.balise_id)
+    ((stream, unit, fix),) = node().step(said, NOW)
+    assert (stream, unit) == ("fix", "balise")
+    assert fix == AbsoluteFix(
+        train="maglev-1",
+        unit="balise",
+        instance="n1",
+        sequence=0,
+        measured_at_ns=said.measured_at_ns,
+        published_at_ns=NOW,
+        reader="reader-a",
+        reader_instance=said.instance,
+        reading_sequence=said.sequence,
+        balise_id=balise.balise_id,
+        position_m=balise.position_m,
+        position_variance_m2=0.0004,
+        location_accuracy_m=balise.location_accuracy_m,
+    )
+
+
+def test_fixes_are_numbered_without_gaps_and_unknown_balises_take_no_number() -> None:
+    service = node()
+    sequences = [
+        output.message.sequence
+        for balise in ("b1", "nowhere", "b2", "b1")
+        for output in service.step(telegram(balise), NOW)
+        if output.stream == "fix"
+    ]
+    assert sequences == [0, 1, 2]
+
+
+def test_a_repeated_telegram_keeps_its_identity_so_that_the_fuser_can_count_it_once() -> None:
+    service = node()
+    fixes = [output.message for _ in range(2) for output in service.step(telegram("b1", 9), NOW)]
+    assert [(f.reader, f.reader_instance, f.reading_sequence) for f in fixes] == [("reader-a", "a1b2c3d4", 9)] * 2
+
+
+def test_an_unknown_balise_is_an_event_and_a_count_and_no_fix() -> None:
+    service = node()
+    for n in (1, 2):
+        ((stream, unit, event),) = service.step(telegram("nowhere"), NOW)
+        assert (stream, unit) == ("event", "")
+        assert isinstance(event, Event)
+        assert (event.severity, event.code) == ("warning", "unknown_balise")
+        assert "nowhere" in event.text
+        assert "reader-a" in event.text
+        assert service.refusals.counts == {"unknown_balise": n}
+    assert [o.stream for o in service.step(telegram("b1"), NOW)] == ["fix"]
+
+
+def test_a_line_without_balises_knows_none() -> None:
+    service = BaliseNode("maglev-1", "n1", ["reader-a"], Line("l", 1000.0, ()))
+    assert [output.stream for output in service.step(telegram("b1"), NOW)] == ["event"]
+
+
+@pytest.mark.parametrize("row", [row for row in STREAMS if row is not BY_NAME["balise_telegram"]], ids=lambda row: row.name)
+def test_other_messages_are_nothing_to_it(row: object) -> None:
+    for message in examples_of(row):  # type: ignore[arg-type]
+        assert list(node().step(message, NOW)) == []
+
+
+def test_it_has_no_clock_of_its_own() -> None:
+    assert node().next_tick_ns() is None

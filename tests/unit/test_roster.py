@@ -1,0 +1,217 @@
+"""Who is due, missing, worth waiting for, in use or excluded, as the roster's documentation says."""
+
+from __future__ import annotations
+
+import pytest
+
+from milepost.nodes.roster import KEPT_TIMES, STALE_NS, Roster, UnitRow
+
+MS = 1_000_000
+S = 1_000_000_000
+DEADLINE = 15 * MS
+SHARES = {"radar": 0.6, "wheel": 0.3, "loop": 0.1}
+
+
+def roster(shares: dict[str, float] | None = None) -> Roster:
+    """radar at 100 Hz, wheel at 50 Hz, a loop that is never due, a balise reader that no filter speaks for."""
+    rows = [
+        UnitRow("radar", 0, 10 * MS, True),
+        UnitRow("wheel", 1, 20 * MS, True),
+        UnitRow("loop", 2, None, True),
+        UnitRow("balise-reader", 3, None, False),
+    ]
+    return Roster(rows, SHARES if shares is None else shares, DEADLINE)
+
+
+def heard(**at: int) -> Roster:
+    """A roster whose units were each heard once, on time."""
+    known = roster()
+    for unit, time in at.items():
+        known.saw(unit, time, time + MS)
+    return known
+
+
+# missing -----------------------------------------------------------------------------------------------------------------
+
+
+def test_nobody_is_missing_before_having_been_heard() -> None:
+    assert roster().missing(S) == []
+
+
+@pytest.mark.parametrize(("epoch", "missing"), [(S, False), (S + 9 * MS, False), (S + 10 * MS, True), (S + 11 * MS, True)])
+def test_a_unit_is_missing_from_when_its_next_reading_is_due(epoch: int, missing: bool) -> None:
+    assert (heard(radar=S).missing(epoch) == ["radar"]) == missing
+
+
+def test_due_readings_are_reckoned_with_each_units_own_period() -> None:
+    known = heard(radar=S, wheel=S)
+    assert known.missing(S + 10 * MS) == ["radar"]
+    assert known.missing(S + 20 * MS) == ["radar", "wheel"]
+
+
+def test_an_aperiodic_unit_is_never_due() -> None:
+    assert heard(loop=S).missing(S + 500 * MS) == []
+
+
+def test_a_unit_that_was_heard_again_is_no_longer_missing() -> None:
+    known = heard(radar=S)
+    known.saw("radar", S + 20 * MS, S + 21 * MS)
+    assert known.missing(S + 20 * MS) == []
+
+
+def test_an_older_reading_that_comes_later_does_not_make_a_unit_missing() -> None:
+    known = heard(radar=S)
+    known.saw("radar", S - 10 * MS, S + 2 * MS)
+    assert known.missing(S + 9 * MS) == []
+    assert known.missing(S + 10 * MS) == ["radar"]
+
+
+def test_a_stale_unit_is_not_missing_but_excluded() -> None:
+    known = heard(radar=S)
+    assert known.missing(S + STALE_NS) == ["radar"]
+    assert known.missing(S + STALE_NS + 1) == []
+    assert known.at(S + STALE_NS, live=True).excluded["wheel"] == "never heard"
+    assert "radar" not in known.at(S + STALE_NS, live=True).excluded
+    assert known.at(S + STALE_NS + 1, live=True).excluded["radar"] == "silent"
+
+
+def test_a_slow_unit_is_stale_only_after_three_periods() -> None:
+    known = Roster([UnitRow("gnss", 0, S, True)], {}, DEADLINE)
+    known.saw("gnss", 10 * S, 10 * S)
+    assert known.missing(13 * S) == ["gnss"]
+    assert known.at(13 * S, live=True).excluded == {}
+    assert known.missing(13 * S + 1) == []
+    assert known.at(13 * S + 1, live=True).excluded == {"gnss": "silent"}
+
+
+# worth waiting for ---------------------------------------------------------------------------------------------------------
+
+
+def test_a_unit_that_missed_a_deadline_is_not_waited_for_until_it_is_punctual_again() -> None:
+    known = heard(radar=S, wheel=S)
+    missing = known.missing(S + 20 * MS)
+    assert known.worth_waiting(missing) == ["radar", "wheel"]
+    known.missed_deadline("radar")
+    assert known.worth_waiting(missing) == ["wheel"]
+    # late by one nanosecond more than the deadline: still not
+    known.saw("radar", S + 10 * MS, S + 10 * MS + DEADLINE + 1)
+    assert known.worth_waiting(["radar"]) == []
+    known.saw("radar", S + 20 * MS, S + 20 * MS + DEADLINE)
+    assert known.worth_waiting(["radar"]) == ["radar"]
+
+
+def test_a_late_reading_alone_does_not_make_a_unit_unpunctual() -> None:
+    known = heard(radar=S)
+    known.saw("radar", S + 10 * MS, S + 10 * MS + 10 * DEADLINE)
+    assert known.worth_waiting(["radar"]) == ["radar"]
+
+
+@pytest.mark.parametrize("process", ["sensor-radar", "filter-radar"])
+def test_a_unit_whose_sensor_or_filter_is_gone_is_not_waited_for_until_both_are_back(process: str) -> None:
+    other = {"sensor-radar": "filter-radar", "filter-radar": "sensor-radar"}[process]
+    known = heard(radar=S)
+    known.process_alive(process, False)
+    known.process_alive(other, True)
+    assert known.worth_waiting(["radar"]) == []
+    known.process_alive(other, False)
+    known.process_alive(process, True)
+    assert known.worth_waiting(["radar"]) == []
+    known.process_alive(other, True)
+    assert known.worth_waiting(["radar"]) == ["radar"]
+
+
+def test_processes_of_others_change_nothing() -> None:
+    known = heard(radar=S, wheel=S)
+    for process in ("sensor-wheel", "filter-wheel", "balise", "fuser", "radar", "sensor-radar-2", "world"):
+        known.process_alive(process, False)
+    assert known.worth_waiting(["radar", "wheel"]) == ["radar"]
+
+
+# in use and excluded -------------------------------------------------------------------------------------------------------
+
+
+def test_units_in_use_have_the_age_of_their_last_observation_at_the_epoch() -> None:
+    known = heard(radar=S, loop=S - 300 * MS)
+    known.saw("radar", S + 10 * MS, S + 11 * MS)
+    assert dict(known.at(S + 5 * MS, live=True).ages_s) == pytest.approx({"radar": 0.005, "loop": 0.305})
+    assert dict(known.at(S + 15 * MS, live=True).ages_s) == pytest.approx({"radar": 0.005, "loop": 0.315})
+
+
+def test_observations_after_the_epoch_do_not_count_at_it() -> None:
+    presence = heard(radar=S).at(S - 1, live=True)
+    assert presence.excluded["radar"] == "never heard"
+    assert "radar" not in presence.ages_s
+
+
+def test_shares_sum_to_one_over_those_in_use_and_a_silent_units_share_goes_to_the_others() -> None:
+    everyone = heard(radar=S, wheel=S, loop=S).at(S, live=True)
+    assert dict(everyone.shares) == pytest.approx(SHARES)
+    without_radar = heard(wheel=S, loop=S).at(S, live=True)
+    assert dict(without_radar.shares) == pytest.approx({"wheel": 0.75, "loop": 0.25})
+    assert set(without_radar.shares) == set(without_radar.ages_s)
+
+
+def test_units_that_share_nothing_between_them_share_evenly() -> None:
+    known = roster({"radar": 1.0})
+    known.saw("wheel", S, S)
+    known.saw("loop", S, S)
+    assert dict(known.at(S, live=True).shares) == {"wheel": 0.5, "loop": 0.5}
+
+
+def test_nobody_in_use_means_no_shares() -> None:
+    presence = roster().at(S, live=True)
+    assert (dict(presence.ages_s), dict(presence.shares)) == ({}, {})
+    assert dict(presence.excluded) == {"radar": "never heard", "wheel": "never heard", "loop": "never heard"}
+
+
+def test_every_fused_unit_is_either_in_use_or_excluded() -> None:
+    known = heard(radar=S, wheel=S - 5 * S)
+    known.process_alive("sensor-loop", False)
+    presence = known.at(S + MS, live=True)
+    assert dict(presence.excluded) == {"wheel": "silent", "loop": "process gone"}
+    assert set(presence.ages_s) == {"radar"}
+
+
+def test_a_process_that_is_gone_outweighs_what_was_heard_of_it_only_live() -> None:
+    known = heard(radar=S)
+    known.process_alive("filter-radar", False)
+    assert known.at(S + MS, live=True).excluded["radar"] == "process gone"
+    settled = known.at(S + MS, live=False)
+    assert "radar" not in settled.excluded
+    assert "radar" in settled.shares
+
+
+def test_a_reader_that_no_filter_speaks_for_is_named_only_when_its_process_is_gone() -> None:
+    known = heard(radar=S)
+    presence = known.at(S, live=True)
+    assert "balise-reader" not in presence.excluded
+    assert "balise-reader" not in presence.ages_s
+    known.process_alive("sensor-balise-reader", False)
+    assert known.at(S, live=True).excluded["balise-reader"] == "process gone"
+    assert "balise-reader" not in known.at(S, live=False).excluded
+
+
+# forgetting ----------------------------------------------------------------------------------------------------------------
+
+
+def test_forgetting_keeps_what_later_epochs_ask_for_and_the_last_time_of_a_silent_unit() -> None:
+    known = roster()
+    for k in range(10):
+        known.saw("radar", S + 10 * k * MS, S + 10 * k * MS)
+    known.saw("loop", S, S)
+    epochs = [S + 50 * MS, S + 55 * MS, S + 90 * MS]
+    before = [known.at(epoch, live=True) for epoch in epochs]
+    known.forget(S + 50 * MS)
+    assert [known.at(epoch, live=True) for epoch in epochs] == before
+    assert known.at(S + 90 * MS, live=True).ages_s["loop"] == pytest.approx(0.09)
+    assert known.at(S + 20 * MS, live=True).excluded["radar"] == "never heard"
+
+
+def test_what_is_never_forgotten_stays_within_bounds() -> None:
+    known = roster()
+    for k in range(3 * KEPT_TIMES):
+        known.saw("radar", S + k * MS, S + k * MS)
+    end = S + (3 * KEPT_TIMES - 1) * MS
+    assert known.at(end, live=True).ages_s["radar"] == 0.0
+    assert known.at(end - (KEPT_TIMES - 2) * MS, live=True).ages_s["radar"] == 0.0
+    assert known.at(S, live=True).excluded["radar"] == "never heard"

@@ -1,0 +1,89 @@
+"""The Zenoh configurations are data that Zenoh itself accepts and reads as meant."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import pytest
+import zenoh
+
+from milepost.runtime import zenoh_config
+
+ROUTERS = ["tcp/127.0.0.1:7447", "tcp/localhost:7448"]
+CONFIGS: dict[str, dict[str, Any]] = {
+    "client": zenoh_config.client(ROUTERS),
+    "tool": zenoh_config.tool(ROUTERS, 1500),
+    "router": zenoh_config.router(["tcp/[::]:7447"]),
+}
+each = pytest.mark.parametrize("name", CONFIGS)
+
+
+def read_back(config: dict[str, Any], key: str) -> Any:
+    """What Zenoh understood under a path of its own configuration."""
+    return json.loads(zenoh.Config.from_json5(json.dumps(config)).get_json(key))
+
+
+@each
+def test_zenoh_accepts_the_configuration(name: str) -> None:
+    zenoh.Config.from_json5(json.dumps(CONFIGS[name]))
+
+
+def test_zenoh_would_not_accept_a_misspelt_one() -> None:
+    """Without this, acceptance would prove nothing."""
+    config = {**CONFIGS["client"], "scouting": {"multicasts": {"enabled": False}}}
+    with pytest.raises(zenoh.ZError):
+        zenoh.Config.from_json5(json.dumps(config))
+
+
+@each
+def test_nobody_is_looked_for_by_multicast_or_gossip(name: str) -> None:
+    assert read_back(CONFIGS[name], "scouting/multicast/enabled") is False
+    assert read_back(CONFIGS[name], "scouting/gossip/enabled") is False
+
+
+@each
+def test_a_lost_peer_is_noticed_within_a_second_and_stalls_do_not_lose_samples(name: str) -> None:
+    assert read_back(CONFIGS[name], "transport/link/tx/lease") == 1000
+    assert read_back(CONFIGS[name], "transport/link/tx/keep_alive") == 4
+    assert read_back(CONFIGS[name], "transport/link/tx/queue/size/data_high") == 16
+    assert read_back(CONFIGS[name], "transport/link/tx/queue/congestion_control/drop/wait_before_drop") == 20000
+    assert read_back(CONFIGS[name], "transport/shared_memory/enabled") is False
+
+
+def test_every_priority_that_streams_use_but_the_deepened_one_keeps_its_own_queue() -> None:
+    defaults = json.loads(zenoh.Config().get_json("transport/link/tx/queue/size"))
+    sizes = read_back(CONFIGS["client"], "transport/link/tx/queue/size")
+    assert {name: size for name, size in sizes.items() if name != "data_high"} == {
+        name: size for name, size in defaults.items() if name != "data_high"
+    }
+
+
+def test_a_service_is_a_client_that_waits_for_its_routers_as_long_as_it_takes() -> None:
+    config = CONFIGS["client"]
+    assert read_back(config, "mode") == "client"
+    assert read_back(config, "connect/endpoints") == ROUTERS
+    assert read_back(config, "connect/timeout_ms") == -1
+    assert read_back(config, "connect/retry")["period_max_ms"] == 500
+
+
+def test_a_tool_gives_up_soon() -> None:
+    config = CONFIGS["tool"]
+    assert read_back(config, "mode") == "client"
+    assert read_back(config, "connect/endpoints") == ROUTERS
+    assert read_back(config, "connect/timeout_ms") == 1500
+    assert read_back(config, "connect/exit_on_failure") is True
+
+
+def test_a_router_listens_where_it_is_told_and_connects_to_nobody() -> None:
+    config = CONFIGS["router"]
+    assert read_back(config, "mode") == "router"
+    assert read_back(config, "listen/endpoints") == ["tcp/[::]:7447"]
+    assert "connect" not in config
+
+
+def test_a_configuration_is_nobody_elses() -> None:
+    """A tool changes the timeout of its own configuration; the next service's must not follow."""
+    zenoh_config.tool(ROUTERS, 1)
+    assert zenoh_config.client(ROUTERS)["connect"]["timeout_ms"] == -1
+    assert "exit_on_failure" not in zenoh_config.client(ROUTERS)["connect"]
