@@ -21,6 +21,8 @@ from .state_writer import StateWriter
 
 # an epoch further back than this is not worth sending live
 BACKLOG_NS = 1_000_000_000
+# how long the first epoch is held back for units that have not been heard yet
+HOLD_NS = 1_000_000_000
 # a former fuser's state older than this is worth less than the train file's prior
 CONTINUE_NS = 60_000_000_000
 
@@ -58,6 +60,7 @@ class FuserNode(Node):
         self._writer = StateWriter(line, settings.period_ns, settings.sigmas, settings.lost_above_m)
         self._feedback: Feedback | None = None
         self._earliest_ns: int | None = None
+        self._first_heard_ns: int | None = None
         self._latest_ns = 0
         self._epoch_ns: int | None = None
         self._settled_ns: int | None = None
@@ -142,8 +145,14 @@ class FuserNode(Node):
         self._roster.saw(observation.unit, at, now_ns)
         self._earliest_ns = at if self._earliest_ns is None else min(self._earliest_ns, at)
         self._latest_ns = max(self._latest_ns, at)
-        if self._epoch_ns is None:
-            self._epoch_ns = self._grid(at)
+        if self._epoch_ns is None and self._may_begin(now_ns):
+            self._epoch_ns = self._grid(max(self._earliest_ns, now_ns - self._settings.period_ns))
+
+    def _may_begin(self, now_ns: int) -> bool:
+        """Once every unit was heard, or a second after the first: the prior sits at the earliest observation, and a
+        state sent before that one has come would have the train where it was a moment later."""
+        self._first_heard_ns = self._first_heard_ns or now_ns
+        return self._roster.all_heard() or now_ns - self._first_heard_ns >= HOLD_NS
 
     def _grid(self, at_ns: int) -> int:
         period = self._settings.period_ns

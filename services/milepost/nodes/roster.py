@@ -70,6 +70,10 @@ class Roster:
             if process in (f"sensor-{name}", f"filter-{name}"):
                 (unit.gone.discard if alive else unit.gone.add)(process)
 
+    def all_heard(self) -> bool:
+        """Whether every unit with a filter has been heard at least once."""
+        return all(unit.times for unit in self._units.values() if unit.row.fused)
+
     def missing(self, epoch_ns: int) -> list[str]:
         """The units whose reading is due at or before the epoch and has not come; stale ones are excluded instead."""
         out = []

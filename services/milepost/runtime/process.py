@@ -25,6 +25,8 @@ from .roles import NS, ROLES, Setting, process_name, processes
 from .runner import Runner
 
 log = logging.getLogger("milepost")
+# a process that comes later than this into a running simulation was started again
+LATE_S = 3.0
 # how long a starting process waits for those that may remember the fused state
 ASK_S = 0.5
 # listeners outlive the end of a simulation by this, to hear its last messages
@@ -83,7 +85,9 @@ def run_process(train: Train, role_name: str, unit: str, options: ProcessOptions
                 return
         clock = Clock(start)
         if role.uses_world and start is not None:
-            from_s = max(0.0, (clock.now_ns() - start.start_ns) / NS)
+            late_s = (clock.now_ns() - start.start_ns) / NS
+            # a process that is a little late still begins at the beginning: the prior belongs to the first reading
+            from_s = late_s if late_s > LATE_S else 0.0
             node = role.build(train, unit, Setting(instance, world, start.start_ns, from_s))
         if node.remembers:
             _catch_up(bus, node, clock)

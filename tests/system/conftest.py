@@ -1,0 +1,162 @@
+"""A real train: real router, real processes, a real session outside."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+
+import msgpack
+import psutil
+import pytest
+import zenoh
+
+pytestmark = pytest.mark.system
+
+
+def pytest_collection_modifyitems(items):
+    for item in items:
+        if "/system/" in str(item.path):
+            item.add_marker(pytest.mark.system)
+
+
+def free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
+
+
+class Outside:
+    """A dispatch tool: plain eclipse-zenoh and msgpack, nothing of Milepost's."""
+
+    def __init__(self, endpoint: str) -> None:
+        config = {
+            "mode": "client",
+            "connect": {"endpoints": [endpoint], "timeout_ms": 20000},
+            "scouting": {"multicast": {"enabled": False}},
+        }
+        self.session = zenoh.open(zenoh.Config.from_json5(json.dumps(config)))
+        self.news = threading.Condition()
+        self.heard: dict[str, list[tuple[int, dict]]] = {}
+        self.tokens: dict[str, bool] = {}
+        self._kept = []
+
+    def listen(self, key: str) -> None:
+        def receive(sample):
+            try:
+                entry = (time.time_ns(), msgpack.unpackb(sample.payload.to_bytes()))
+            except ValueError:  # the garbage that a test puts comes back to it
+                return
+            with self.news:
+                self.heard.setdefault(str(sample.key_expr), []).append(entry)
+                self.news.notify_all()
+
+        self._kept.append(self.session.declare_subscriber(key, receive))
+
+    def watch_tokens(self, key: str) -> None:
+        def changed(sample):
+            with self.news:
+                self.tokens[str(sample.key_expr)] = sample.kind == zenoh.SampleKind.PUT
+                self.news.notify_all()
+
+        self._kept.append(self.session.liveliness().declare_subscriber(key, changed, history=True))
+
+    def messages(self, key: str) -> list[dict]:
+        with self.news:
+            return [message for _, message in self.heard.get(key, [])]
+
+    def newest(self, key: str) -> dict:
+        """The last message on a key; empty where there was none."""
+        heard = self.heard.get(key)
+        return heard[-1][1] if heard else {}
+
+    def wait_for(self, what: Callable[[], object], timeout_s: float, why: str) -> object:
+        """Wait until `what()` is true; what came is looked at whenever something comes."""
+        deadline = time.monotonic() + timeout_s
+        with self.news:
+            while not (found := what()):
+                left = deadline - time.monotonic()
+                if left <= 0.0 or not self.news.wait(left):
+                    if found := what():
+                        return found
+                    pytest.fail(f"not within {timeout_s:g} s: {why}")
+            return found
+
+    def wait_state(self, key: str, accept: Callable[[dict], bool], timeout_s: float, why: str) -> dict:
+        """The first state from now on that `accept` takes."""
+        begin = len(self.heard.get(key, []))
+
+        def found():
+            return next((m for _, m in self.heard.get(key, [])[begin:] if accept(m)), None)
+
+        return self.wait_for(found, timeout_s, why)  # type: ignore[return-value]
+
+    def close(self) -> None:
+        self._kept.clear()
+        self.session.close()
+
+
+class Stack:
+    """`milepost up --headless` on a port of its own."""
+
+    def __init__(self, train: str, *options: str) -> None:
+        self.endpoint = f"tcp/127.0.0.1:{free_port()}"
+        command = [sys.executable, "-m", "milepost", "up", "--headless", "--train", train, "--listen", self.endpoint, *options]
+        self.process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
+        self.errors: list[str] = []
+        threading.Thread(target=lambda: self.errors.extend(self.process.stderr), daemon=True).start()
+
+    def pid_of(self, *words: str) -> int:
+        """The process whose command line is `milepost run WORDS ...`."""
+        for child in psutil.Process(self.process.pid).children():
+            with contextlib.suppress(psutil.Error):
+                if child.cmdline()[3 : 4 + len(words)] == ["run", *words] and child.status() != psutil.STATUS_ZOMBIE:
+                    return child.pid
+        raise LookupError(words)
+
+    def stop(self) -> int:
+        if self.process.poll() is None:
+            self.process.send_signal(signal.SIGTERM)
+        return self.process.wait(10.0)
+
+
+def start(train: str, *options: str) -> tuple[Stack, Outside]:
+    stack = Stack(train, *options)
+    outside = Outside(stack.endpoint)
+    outside.listen("milepost/v1/**")
+    outside.listen("milepost/v1/*/@sim/truth")
+    outside.watch_tokens("milepost/v1/*/alive/**")
+    return stack, outside
+
+
+@pytest.fixture(scope="module")
+def maglev() -> Iterator[tuple[Stack, Outside]]:
+    """The default train, running; a test finds it normal and leaves it so."""
+    stack, outside = start("deploy/trains/maglev.yaml")
+    try:
+        outside.wait_state("milepost/v1/maglev-1/state", lambda m: m["status"] == "normal", 40.0, "a normal state")
+        yield stack, outside
+    finally:
+        outside.close()
+        code = stack.stop()
+    assert code == 0, "".join(stack.errors)
+
+
+@pytest.fixture
+def router() -> Iterator[str]:
+    """A router alone; yields its endpoint."""
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    command = [sys.executable, "-m", "milepost", "run", "router", "--listen", endpoint, "--parent", str(os.getpid())]
+    process = subprocess.Popen(command)
+    try:
+        yield endpoint
+    finally:
+        process.send_signal(signal.SIGTERM)
+        assert process.wait(5.0) == 0
