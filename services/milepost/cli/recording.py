@@ -55,7 +55,7 @@ class Reader:
     def _message(self, line: bytes) -> tuple[str, str, Message, int | None] | None:
         try:
             entry: Any = json.loads(line)
-        except ValueError as error:
+        except (ValueError, RecursionError) as error:
             raise Refused("undecodable", f"not JSON: {error}") from error
         key = entry.get("key") if isinstance(entry, dict) else None
         if not isinstance(key, str):
@@ -65,10 +65,9 @@ class Reader:
             raise Refused("invalid", f"key: {key} is not below {ROOT}/TRAIN/")
         if parts[3] not in self.kinds:
             return None
-        unit = parts[4] if len(parts) > 4 else ""
-        stream = self._stream(parts[3], unit)
+        stream, unit = self._stream("/".join(parts[3:]))
         received = entry.get("received_at_ns")
-        if received is not None and (not isinstance(received, int) or received <= 0):
+        if received is not None and (type(received) is not int or received <= 0):
             raise Refused("invalid", "received_at_ns: a positive whole number is needed")
         message = from_fields(entry.get("payload"), BY_NAME[stream].message)
         if message.train != self.train.name or parts[2] != self.train.name:
@@ -77,10 +76,17 @@ class Reader:
             raise Refused("other_unit", f"{key}: says unit {message.unit}")
         return stream, unit, message, received
 
-    def _stream(self, kind: str, unit: str) -> str:
-        if kind == "reading":
-            sensor = self.train.sensors.get(unit)
-            if sensor is None:
-                raise Refused("unknown_unit", f"{unit} is not in {self.train.path}")
-            return sensor.stream
-        return next(row.name for row in STREAMS if row.key.split("/")[0] == kind)
+    def _stream(self, path: str) -> tuple[str, str]:
+        """The stream and the unit of what follows the train in a key."""
+        last = path.rpartition("/")[2]
+        rows = [row for row in STREAMS if row.key.format(unit=last) == path]
+        if not rows:
+            raise Refused("invalid", f"key: {path} is none of the stream table's")
+        unit = last if "{unit}" in rows[0].key else ""
+        if len(rows) == 1:
+            return rows[0].name, unit
+        # the readings share a key: the train file says which sensor the unit is
+        sensor = self.train.sensors.get(unit)
+        if sensor is None:
+            raise Refused("unknown_unit", f"{unit} is not in {self.train.path}")
+        return sensor.stream, unit
