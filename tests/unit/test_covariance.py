@@ -148,6 +148,14 @@ def test_asymmetry_is_refused_above_rounding_and_passes_below(n: int, seed: int,
     assert not accepts(wrong)
 
 
+@pytest.mark.parametrize("std", [1e-6, 1.0, 1e6])
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_a_correlation_may_pass_one_by_rounding_and_no_more(std: float, sign: float) -> None:
+    for excess, sound in ((0.0, True), (1e-10, True), (1e-8, False), (1e-4, False)):
+        shared = sign * std * 3.0 * (1.0 + excess)
+        assert accepts([[std**2, shared], [shared, 9.0]]) == sound
+
+
 @pytest.mark.parametrize("seed", range(20))
 def test_it_does_not_matter_in_which_order_the_states_stand(seed: int) -> None:
     rng = np.random.default_rng(seed)
