@@ -46,22 +46,32 @@ def test_the_truth_is_the_motion_at_that_time() -> None:
 @pytest.mark.parametrize("offset_ms", [1, 13, 19])
 def test_a_start_off_the_grid_begins_with_the_first_epoch_after_it(offset_ms: int) -> None:
     world = node(T0 + offset_ms * MS)
-    assert world.next_tick_ns() == T0 + PERIOD
     first = run(world)[0]
     assert first.measured_at_ns == T0 + PERIOD
     assert first.position_m == pytest.approx(100.0 + 10.0 * (PERIOD - offset_ms * MS) * 1e-9, abs=1e-3)
 
 
-def test_a_tick_before_its_time_does_nothing_and_a_late_one_catches_up() -> None:
+def test_an_epochs_truth_is_told_when_the_node_asked_to_be_called_never_early_and_within_a_period() -> None:
     world = node()
-    assert list(world.tick(T0 - 1)) == []
-    assert world.next_tick_ns() == T0
-    late = list(world.tick(T0 + 5 * PERIOD))
+    for k in range(51):
+        due = world.next_tick_ns()
+        assert due is not None
+        assert T0 + k * PERIOD <= due < T0 + (k + 1) * PERIOD
+        assert list(world.tick(due - 1)) == []
+        (output,) = world.tick(due)
+        assert (output.message.measured_at_ns, output.message.published_at_ns) == (T0 + k * PERIOD, due)
+
+
+def test_a_late_tick_catches_up() -> None:
+    world = node()
+    first = world.next_tick_ns()
+    assert first is not None
+    late = list(world.tick(first + 5 * PERIOD))
     assert [o.message.measured_at_ns for o in late] == [T0 + k * PERIOD for k in range(6)]
-    assert {o.message.published_at_ns for o in late} == {T0 + 5 * PERIOD}
-    assert world.next_tick_ns() == T0 + 6 * PERIOD
+    assert {o.message.published_at_ns for o in late} == {first + 5 * PERIOD}
+    assert world.next_tick_ns() == first + 6 * PERIOD
 
 
 def test_truth_goes_to_the_plane_that_no_fuser_hears() -> None:
-    assert {(o.stream, o.unit, o.message.unit) for o in node().tick(T0)} == {("truth", "", "world")}
+    assert {(o.stream, o.unit, o.message.unit) for o in node().tick(T0 + PERIOD)} == {("truth", "", "world")}
     assert list(node().subscriptions) == []
