@@ -20,7 +20,7 @@ def observations_of(units, readings, fixes):
 
 
 def fusion_with(units, observations, now):
-    fusion = InformationFusion(layout_of(units), Q, PRIOR, HORIZON_NS)
+    fusion = InformationFusion(layout_of(units), Q, PRIOR, HORIZON_NS, True)
     for o in observations:
         assert fusion.estimator.insert(o, now) is None
     return fusion

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Mapping, Sequence
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -18,7 +18,15 @@ from .timeline import NS, Counters, Observation
 # beliefs to remember for each unit: enough to find the last one before an epoch that waited out its deadline
 KEPT_BELIEFS = 64
 Lists = tuple[list[float], list[list[float]]]
-Belief = tuple[int, list[float], list[list[float]]]
+
+
+class Belief(NamedTuple):
+    """A filter's mean and covariance at a time; `fed` if feedback is in it, so that it began where the others did."""
+
+    at_ns: int
+    mean: list[float]
+    covariance: list[list[float]]
+    fed: bool
 
 
 class FusionRule(Protocol):
@@ -43,7 +51,7 @@ class InformationFusion:
     with them 1.13 to 1.5 times the optimum and overconfident when filters restart: a private prior is counted again.
     """
 
-    def __init__(self, layout: Layout, jerk_psd: float, prior: Prior, horizon_ns: int) -> None:
+    def __init__(self, layout: Layout, jerk_psd: float, prior: Prior, horizon_ns: int, feedback: bool) -> None:  # noqa: ARG002
         self.estimator = Estimator(layout, jerk_psd, prior, horizon_ns)
         self.names = layout.names
         self.counters = self.estimator.counters
@@ -74,15 +82,18 @@ class FederatedFusion:
 
     A fix corrects the fused state, s_g = s_b up to its variance, and reaches the filters with the feedback. Nothing can be
     rewound: a late estimate replaces nothing, a late fix is taken at the next epoch with h = [1, -T, T²/2], T its age.
+    With feedback, the filter that was heard first is the origin, and another counts once it has had feedback: on its own
+    it would start from the train file's prior, at another time, or after a restart at quite another place.
     Source: A (12)-(17), B.
     """
 
-    def __init__(self, layout: Layout, jerk_psd: float, prior: Prior, horizon_ns: int) -> None:  # noqa: ARG002
+    def __init__(self, layout: Layout, jerk_psd: float, prior: Prior, horizon_ns: int, feedback: bool) -> None:  # noqa: ARG002
         self.names = list(COMMON)
         self.counters = Counters()
         self._common = Layout()
         self._jerk_psd = jerk_psd
         self._horizon_ns = horizon_ns
+        self._feedback = feedback
         self._beliefs: dict[str, list[Belief]] = {}
         self._fixes: list[Observation] = []
         self._seen: dict[tuple[str, int], int] = {}
@@ -91,7 +102,7 @@ class FederatedFusion:
         """Keep the belief; the observations are not needed."""
         kept = self._beliefs.setdefault(unit, [])
         kept.append(belief)
-        kept.sort(key=lambda b: b[0])
+        kept.sort(key=lambda b: b.at_ns)
         del kept[:-KEPT_BELIEFS]
         return [None] * len(observations)
 
@@ -111,10 +122,13 @@ class FederatedFusion:
 
     def state_at(self, at_ns: int, shares: Mapping[str, float]) -> Lists | None:
         """Equations (12)-(13) over the reporting units, then the fixes that are waiting."""
-        beliefs = [b for unit, share in shares.items() if share > 0.0 and (b := self._carried(unit, at_ns, share)) is not None]
-        if not beliefs:
+        last = {unit: b for unit, share in shares.items() if share > 0.0 and (b := self._last(unit, at_ns)) is not None}
+        if self._feedback:
+            fed = {unit: b for unit, b in last.items() if b.fed}
+            last = fed or dict(sorted(last.items(), key=lambda item: self._beliefs[item[0]][0].at_ns)[:1])
+        if not last:
             return None
-        mean, covariance = fuse(beliefs)
+        mean, covariance = fuse([self._carried(b, at_ns, shares[unit]) for unit, b in last.items()])
         for fix in sorted(f for f in self._fixes if f.measured_at_ns <= at_ns):
             age = (at_ns - fix.measured_at_ns) * NS
             row = row_now(fix.row, age)
@@ -122,17 +136,18 @@ class FederatedFusion:
         self._fixes = [f for f in self._fixes if f.measured_at_ns > at_ns]
         return mean.tolist(), covariance.tolist()
 
-    def _carried(self, unit: str, at_ns: int, share: float) -> tuple[Array, Array] | None:
+    def _last(self, unit: str, at_ns: int) -> Belief | None:
         kept = self._beliefs.get(unit, [])
-        place = bisect_right(kept, at_ns, key=lambda b: b[0])
-        if not place:
-            return None
-        from_ns = kept[place - 1][0]
-        mean, covariance = np.array(kept[place - 1][1])[:3], np.array(kept[place - 1][2])[:3, :3]
-        if at_ns == from_ns:
+        place = bisect_right(kept, at_ns, key=lambda b: b.at_ns)
+        return kept[place - 1] if place else None
+
+    def _carried(self, belief: Belief, at_ns: int, share: float) -> tuple[Array, Array]:
+        mean, covariance = np.array(belief.mean)[:3], np.array(belief.covariance)[:3, :3]
+        if at_ns == belief.at_ns:
             return mean, covariance
         kernel = kernel_for(self._common, self._jerk_psd / share)
-        return kernel.unpack(kernel.advance(kernel.pack(mean, covariance), (at_ns - from_ns) * NS))  # type: ignore[arg-type]
+        state = kernel.advance(kernel.pack(mean, covariance), (at_ns - belief.at_ns) * NS)  # type: ignore[arg-type]
+        return kernel.unpack(state)  # type: ignore[arg-type]
 
     def advance_to(self, now_ns: int) -> None:
         """Forget the identities of fixes that would be refused for their age anyway."""

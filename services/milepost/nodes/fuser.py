@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from milepost.estimation.estimator import Prior
-from milepost.estimation.fusion import RULES
+from milepost.estimation.fusion import RULES, Belief
 from milepost.estimation.layout import Layout
 from milepost.estimation.timeline import Observation
 from milepost.estimation.track import Line
@@ -54,7 +54,9 @@ class FuserNode(Node):
         super().__init__(train, "fuser", instance)
         self.subscriptions = [Subscription("estimate"), Subscription("fix")]
         self._settings = settings
-        self._rule = RULES[settings.rule](settings.layout, settings.jerk_psd, settings.prior, settings.horizon_ns)
+        self._rule = RULES[settings.rule](
+            settings.layout, settings.jerk_psd, settings.prior, settings.horizon_ns, settings.feedback
+        )
         self._roster = Roster(settings.units, settings.shares, settings.deadline_ns)
         self._orders = {row.unit: row.order for row in settings.units}
         self._writer = StateWriter(line, settings.period_ns, settings.sigmas, settings.lost_above_m)
@@ -116,7 +118,8 @@ class FuserNode(Node):
             yield from self.refuse("unknown_unit", f"{estimate.unit} is not in the train file", now_ns)
             return
         observations = of_estimate(estimate, order)
-        belief = (estimate.measured_at_ns, estimate.belief.mean, estimate.belief.covariance)
+        said = estimate.belief
+        belief = Belief(estimate.measured_at_ns, said.mean, said.covariance, estimate.feedback_epoch_ns is not None)
         try:
             reasons = self._rule.take_estimate(estimate.unit, belief, observations, now_ns)
         except ValueError as error:

@@ -19,15 +19,17 @@ class WorldNode(Node):
         self._start_ns = start_ns
         self._period_ns = period_ns
         self._next_ns = -(-start_ns // period_ns) * period_ns
+        # half a period later, because nobody waits for the truth and everybody else works on the epoch itself
+        self._delay_ns = period_ns // 2
 
     def next_tick_ns(self) -> int | None:
-        """The next epoch."""
-        return None if self.finished else self._next_ns
+        """When the next epoch's truth is sent."""
+        return None if self.finished else self._next_ns + self._delay_ns
 
     def tick(self, now_ns: int) -> Iterable[Output]:
         """The truth at every epoch until now."""
         out: list[Output] = []
-        while self._next_ns <= now_ns and not self.finished:
+        while self._next_ns + self._delay_ns <= now_ns and not self.finished:
             t = (self._next_ns - self._start_ns) * 1e-9
             if t > self._motion.end_s:
                 self.finished = True

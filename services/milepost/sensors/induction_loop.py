@@ -23,9 +23,11 @@ class InductionLoopOptions(SensorOptions):
     """`pitch_std_m`: how far each pitch, as laid, is off its nominal length (one standard deviation).
 
     2.24 mm on 0.1 m makes 0.1 (m/s)² over 10 ms at 20 m/s, which is source A's figure, and 0.3 m rms after 2 km.
+    `phase_s`: when, after each whole period, the pulses are read out.
     """
 
     rate_hz: Annotated[float, Field(gt=0.0, le=1000.0)] = 100.0
+    phase_s: Annotated[float, Field(ge=0.0, lt=1.0)] = 0.0
     pitch_m: Annotated[float, Field(gt=0.0)] = 0.1
     pitch_std_m: Annotated[float, Field(gt=0.0)] = 0.00224
 
@@ -94,11 +96,11 @@ class Crossings:
 
 class _Simulated(PeriodicSource):
     def __init__(self, unit: str, options: InductionLoopOptions, world: World, from_s: float) -> None:
-        super().__init__(1.0 / options.rate_hz, from_s, world.motion.end_s)
+        super().__init__(1.0 / options.rate_hz, from_s, world.motion.end_s, options.phase_s)
         self._motion = world.motion
         self._pitch, self._variance = options.pitch_m, options.pitch_std_m**2
         self._crossings = Crossings(world.seed, unit, options.pitch_m, options.pitch_std_m)
-        self._t = self._index * self.period_s
+        self._t = self.time_of(self._index)
         self._index += 1
         self._s = self._motion.at(self._t)[0]
         self._k = self._crossings.last_before(self._s)

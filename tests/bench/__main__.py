@@ -1,0 +1,71 @@
+"""Runs all measurements and prints them with their aims."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import platform
+import sys
+
+import numpy as np
+
+from .live import WINDOW_S, measure_raw, measure_train
+from .steps import measure_nodes, measure_offline, measure_steps
+
+
+def say(text: str) -> None:
+    print(text, file=sys.stderr, flush=True)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(prog="python -m tests.bench", description=__doc__)
+    parser.add_argument("--json", action="store_true", help="print JSON")
+    parser.add_argument("--pairs", type=int, default=5, help="interleaved pairs of train and raw chain (0: none)")
+    parser.add_argument("--offline-only", action="store_true", help="only what needs no router")
+    options = parser.parse_args()
+    say("steps ...")
+    found: dict = {"steps_us": measure_steps(), "nodes_us": measure_nodes()}
+    say("offline speed ...")
+    found["offline_x_real_time"] = measure_offline()
+    pairs = []
+    for number in range(0 if options.offline_only else options.pairs):
+        say(f"live latency, pair {number + 1} of {options.pairs} ...")
+        train, load = measure_train(WINDOW_S)
+        pairs.append({"train": train, "raw": measure_raw(WINDOW_S), "load_cores": load})
+    if pairs:
+        found["live"] = {
+            "pairs": pairs,
+            "train_p50_ms": float(np.median([p["train"]["p50_ms"] for p in pairs])),
+            "train_p99_ms": float(np.median([p["train"]["p99_ms"] for p in pairs])),
+            "raw_p50_ms": float(np.median([p["raw"]["p50_ms"] for p in pairs])),
+            "raw_p99_ms": float(np.median([p["raw"]["p99_ms"] for p in pairs])),
+            "p50_over_raw": float(np.median([p["train"]["p50_ms"] / p["raw"]["p50_ms"] for p in pairs])),
+            "load_cores": float(np.median([p["load_cores"] for p in pairs])),
+        }
+    if options.json:
+        print(json.dumps(found, indent=2))
+        return
+    table(found)
+
+
+def table(found: dict) -> None:
+    steps = found["steps_us"]
+    ours = steps["filter step (scalar kernel)"]
+    print(f"{platform.machine()}, {os.cpu_count()} cores, Python {platform.python_version()}\n")
+    for name, value in {**steps, **found["nodes_us"]}.items():
+        peer = f"  {value / ours:6.1f} x ours" if "filterpy" in name or "Stone" in name else ""
+        print(f"{name:58}{value:9.2f} µs{peer}")
+    ratio = steps["filterpy step"] / ours
+    print(f"\nfilter step against filterpy          {ratio:8.1f} x faster       (aim 10)")
+    print(f"offline, default train                {found['offline_x_real_time']:8.1f} x real time    (at least 30, aim 100)")
+    live = found.get("live")
+    if live is None:
+        return
+    print(f"live latency p50 / p99                {live['train_p50_ms']:8.2f} / {live['train_p99_ms']:.2f} ms")
+    print(f"raw chain, same hops, p50 / p99       {live['raw_p50_ms']:8.2f} / {live['raw_p99_ms']:.2f} ms")
+    print(f"p50 over raw, median of {len(live['pairs'])} pairs       {live['p50_over_raw']:8.2f}               (at most 2)")
+    print(f"all processes with router             {live['load_cores']:8.2f} cores         (at most 0.6, aim 0.4)")
+
+
+main()

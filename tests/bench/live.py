@@ -1,0 +1,123 @@
+"""Live latency and load of the default train, beside a raw relay chain of the same number of hops."""
+
+from __future__ import annotations
+
+import json
+import signal
+import socket
+import struct
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import msgpack
+import numpy as np
+import psutil
+import zenoh
+
+from milepost.runtime.zenoh_config import client
+
+STEADY_S = 10.0
+WINDOW_S = 8.0
+TRAIN = "maglev-1"
+
+
+def free_endpoint() -> str:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+
+
+@contextmanager
+def processes(*commands: list[str]) -> Iterator[list[subprocess.Popen]]:
+    started = [subprocess.Popen([sys.executable, *command], stderr=subprocess.DEVNULL) for command in commands]
+    try:
+        yield started
+    finally:
+        for process in reversed(started):
+            process.send_signal(signal.SIGTERM)
+        for process in reversed(started):
+            process.wait(10.0)
+
+
+def summary(latencies_ms: list[float]) -> dict[str, float]:
+    return {
+        "p50_ms": float(np.percentile(latencies_ms, 50)),
+        "p99_ms": float(np.percentile(latencies_ms, 99)),
+        "count": len(latencies_ms),
+    }
+
+
+def measure_train(seconds: float) -> tuple[dict[str, float], float]:
+    """From the publication of the radar reading at an epoch to that epoch's state outside; and the cores in use."""
+    endpoint = free_endpoint()
+    published: dict[int, int] = {}
+    received: dict[int, int] = {}
+    first = threading.Event()
+
+    def reading(sample) -> None:
+        message = msgpack.unpackb(sample.payload.to_bytes())
+        published[message["measured_at_ns"]] = message["published_at_ns"]
+
+    def state(sample) -> None:
+        now = time.time_ns()
+        received[msgpack.unpackb(sample.payload.to_bytes())["measured_at_ns"]] = now
+        first.set()
+
+    with processes(["-m", "milepost", "up", "--headless", "--listen", endpoint]) as (up,):
+        with zenoh.open(zenoh.Config.from_json5(json.dumps(client([endpoint])))) as session:
+            kept = session.declare_subscriber(f"milepost/v1/{TRAIN}/state", state)
+            if not first.wait(60.0):
+                raise RuntimeError("the train sent no state within a minute")
+            kept_too = session.declare_subscriber(f"milepost/v1/{TRAIN}/reading/radar", reading)
+            time.sleep(2.0)
+            begin = time.time_ns()
+            time.sleep(seconds)
+            del kept, kept_too
+        latencies = [(received[at] - published[at]) / 1e6 for at in received if at in published and at >= begin]
+        load = measure_load(up.pid) if seconds >= WINDOW_S else 0.0
+    return summary(latencies), load
+
+
+def measure_load(pid: int) -> float:
+    """Cores used by all processes of the train and its router, outside listeners gone, in steady state."""
+
+    def spent() -> float:
+        times = [child.cpu_times() for child in psutil.Process(pid).children(recursive=True)]
+        return sum(t.user + t.system for t in times)
+
+    time.sleep(max(0.0, STEADY_S - WINDOW_S))
+    before, begun = spent(), time.monotonic()
+    time.sleep(STEADY_S)
+    return (spent() - before) / (time.monotonic() - begun)
+
+
+def measure_raw(seconds: float) -> dict[str, float]:
+    """The same three hops through a router, by Zenoh alone."""
+    endpoint = free_endpoint()
+    relay = [__file__.replace("live.py", "relay.py"), endpoint]
+    latencies: list[float] = []
+    first = threading.Event()
+
+    def sink(sample) -> None:
+        now = time.time_ns()
+        latencies.append((now - struct.unpack("q", sample.payload.to_bytes()[:8])[0]) / 1e6)
+        first.set()
+
+    router = ["-m", "milepost", "run", "router", "--listen", endpoint]
+    chain = [[*relay, "relay", "raw/0", "raw/1"], [*relay, "relay", "raw/1", "raw/2"], [*relay, "source", "none", "raw/0"]]
+    with (
+        processes(router, *chain),
+        zenoh.open(zenoh.Config.from_json5(json.dumps(client([endpoint])))) as session,
+    ):
+        kept = session.declare_subscriber("raw/2", sink)
+        if not first.wait(30.0):
+            raise RuntimeError("the raw chain sent nothing within half a minute")
+        time.sleep(2.0)
+        latencies.clear()
+        time.sleep(seconds)
+        del kept
+        return summary(list(latencies))

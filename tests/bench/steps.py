@@ -1,0 +1,135 @@
+"""Cost of one predict and update, ours and the peers', and of the nodes' whole steps."""
+
+from __future__ import annotations
+
+import timeit
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from milepost.estimation.kalman import ArrayKernel
+from milepost.estimation.layout import Layout
+from milepost.estimation.motion import process_noise, transition
+from milepost.estimation.scalar import ScalarKernel
+from milepost.runtime.config import load_train
+from milepost.runtime.offline import simulate
+from milepost.runtime.roles import ROLES, Setting
+from milepost_schemas import decode, encode
+
+DT, Q, R = 0.01, 1e-6, 0.04
+ROW = (0.0, 1.0, 0.0)
+TRAIN = Path("deploy/trains/maglev.yaml")
+
+
+def microseconds(call: Callable[[], object], number: int, rounds: int = 5) -> float:
+    """The median over rounds of a call's mean duration."""
+    return float(np.median([timeit.timeit(call, number=number) / number for _ in range(rounds)])) * 1e6
+
+
+def ours(kernel: ScalarKernel | ArrayKernel) -> Callable[[], object]:
+    state = kernel.pack(np.array([0.0, 20.0, 0.0]), np.eye(3))
+
+    def step() -> None:
+        nonlocal state
+        state = kernel.observe(kernel.advance(state, DT), ROW, 20.0, R)
+
+    return step
+
+
+def filterpy_step() -> Callable[[], object]:
+    from filterpy.kalman import KalmanFilter
+
+    kf = KalmanFilter(dim_x=3, dim_z=1)
+    kf.x, kf.P = np.array([[0.0], [20.0], [0.0]]), np.eye(3)
+    kf.F, kf.Q = transition(DT), process_noise(DT, Q)
+    kf.H, kf.R = np.array([ROW]), np.array([[R]])
+    z = np.array([[20.0]])
+
+    def step() -> None:
+        kf.predict()
+        kf.update(z)
+
+    return step
+
+
+def stonesoup_step() -> Callable[[], object]:
+    from datetime import datetime, timedelta
+
+    from stonesoup.models.measurement.linear import LinearGaussian
+    from stonesoup.models.transition.linear import ConstantAcceleration
+    from stonesoup.predictor.kalman import KalmanPredictor
+    from stonesoup.types.detection import Detection
+    from stonesoup.types.hypothesis import SingleHypothesis
+    from stonesoup.types.state import GaussianState
+    from stonesoup.updater.kalman import KalmanUpdater
+
+    predictor = KalmanPredictor(ConstantAcceleration(Q))
+    updater = KalmanUpdater(LinearGaussian(3, [1], np.array([[R]])))
+    time = datetime(2025, 1, 1)
+    state = GaussianState([[0.0], [20.0], [0.0]], np.eye(3), timestamp=time)
+
+    def step() -> None:
+        nonlocal state, time
+        time += timedelta(seconds=DT)
+        prediction = predictor.predict(state, timestamp=time)
+        state = updater.update(SingleHypothesis(prediction, Detection([[20.0]], timestamp=time)))
+
+    return step
+
+
+def measure_steps() -> dict[str, float]:
+    """µs for one predict and update."""
+    return {
+        "filter step (scalar kernel)": microseconds(ours(ScalarKernel(Q)), 20_000),
+        "filter step (array kernel)": microseconds(ours(ArrayKernel(Layout(), Q)), 2_000),
+        "filterpy step": microseconds(filterpy_step(), 2_000),
+        "Stone-Soup step": microseconds(stonesoup_step(), 200),
+    }
+
+
+def measure_nodes() -> dict[str, float]:
+    """µs of whole steps on real messages: reading to estimate, estimate to states, encode, decode."""
+    train = load_train(TRAIN)
+    heard: dict[str, list] = {}
+    simulate(train, 12.0, lambda output, now: heard.setdefault(output.stream, []).append((output.message, now)))
+    out: dict[str, float] = {}
+
+    def per_message(build: Callable[[], object], messages: list) -> float:
+        rounds = []
+        for _ in range(3):
+            node = build()
+            begun = timeit.default_timer()
+            for message, now in messages:
+                for _ in node.step(message, now):
+                    pass
+            rounds.append((timeit.default_timer() - begun) / len(messages))
+        return float(np.median(rounds)) * 1e6
+
+    setting = Setting("bench")
+    radar = [entry for entry in heard["speed_reading"] if entry[0].unit == "radar"]
+    both = sorted([*radar, *heard["feedback"]], key=lambda entry: entry[1])
+    out["filter node: reading or feedback in, estimate out"] = per_message(
+        lambda: ROLES["filter"].build(train, "radar", setting), both
+    )
+    estimates = sorted([*heard["estimate"], *heard["fix"]], key=lambda entry: entry[1])
+    out["fuser node: estimate in, state and feedback out"] = per_message(
+        lambda: ROLES["fuser"].build(train, "fuser", setting), estimates
+    )
+    for stream in ("speed_reading", "estimate", "state"):
+        message = heard[stream][-1][0]
+        payload = encode(message)
+        out[f"encode {stream} ({len(payload)} bytes)"] = microseconds(lambda m=message: encode(m), 5_000)
+        out[f"decode {stream}"] = microseconds(lambda p=payload, m=message: decode(p, type(m)), 5_000)
+    return out
+
+
+def measure_offline() -> float:
+    """Offline speed of the default train, × real time: median of three runs of 30 s."""
+    train = load_train(TRAIN)
+    speeds = []
+    for _ in range(3):
+        begun = timeit.default_timer()
+        simulate(train, 30.0)
+        speeds.append(30.0 / (timeit.default_timer() - begun))
+    return float(np.median(speeds))
