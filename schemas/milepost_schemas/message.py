@@ -6,6 +6,8 @@ from typing import Annotated, ClassVar
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, StringConstraints, model_validator
 
+from .covariance import check_covariance
+
 COMMON_STATES = ("position_m", "speed_mps", "acceleration_mps2")
 
 Name = Annotated[str, StringConstraints(pattern=r"^[a-z0-9][a-z0-9_.-]{0,62}$")]
@@ -19,54 +21,6 @@ AccelerationMps2 = Annotated[float, Field(ge=-20.0, le=20.0)]
 Variance = Annotated[float, Field(gt=0.0, le=1e15)]
 NonNegative = Annotated[float, Field(ge=0.0)]
 Share = Annotated[float, Field(ge=0.0, le=1.0)]
-
-
-def check_covariance(matrix: list[list[float]]) -> list[list[float]]:
-    """Accept a covariance P (n x n) only if it is square, symmetric and positive semi-definite.
-
-    A Cholesky factorisation of the matrix scaled to a unit diagonal, so that metres next to radians do not
-    matter; pivots down to -1e-9 pass as rounding. Raises ValueError otherwise.
-    """
-    n = len(matrix)
-    if n == 0 or any([len(row) != n for row in matrix]):  # noqa: C419 (a list is faster than a generator here)
-        raise ValueError("a covariance must be square and not empty")
-    root = []
-    for i in range(n):
-        variance = matrix[i][i]
-        if variance < 0.0:
-            raise ValueError("a covariance cannot have a negative variance")
-        root.append(variance**0.5)
-    factor: list[list[float]] = []
-    for i, row in enumerate(matrix):
-        done: list[float] = []
-        for j in range(i):
-            size = root[i] * root[j]
-            if abs(row[j] - matrix[j][i]) > 1e-9 * size:
-                raise ValueError("a covariance must be symmetric")
-            rest = row[j] / size if size else _zero(row[j])
-            above = factor[j]
-            for k in range(j):
-                rest -= done[k] * above[k]
-            pivot = above[j]
-            done.append(rest / pivot if pivot > 1e-6 else 0.0)
-            # where the pivot has vanished there is nothing to divide by, and nothing may be left
-            if pivot <= 1e-6 and abs(rest) > 2e-6:
-                raise ValueError("a covariance must be positive semi-definite")
-        left = 1.0 if root[i] else 0.0
-        for value in done:
-            left -= value * value
-        # turned round so that a nan, from numbers that overflow, is not let through
-        if not left >= -1e-9:
-            raise ValueError("a covariance must be positive semi-definite")
-        done.append(left**0.5 if left > 0.0 else 0.0)
-        factor.append(done)
-    return matrix
-
-
-def _zero(value: float) -> float:
-    if value != 0.0:
-        raise ValueError("a covariance must be positive semi-definite")
-    return 0.0
 
 
 Covariance = Annotated[list[list[float]], AfterValidator(check_covariance)]

@@ -66,7 +66,9 @@ class Estimator:
         Raises ValueError where the row does not fit the unit's block.
         """
         row = self.layout.lift(observation.unit, observation.row)
-        return self._timeline.insert(observation._replace(row=row), now_ns)
+        if row is not observation.row:
+            observation = observation._replace(row=row)
+        return self._timeline.insert(observation, now_ns)
 
     def state_at(self, at_ns: int) -> tuple[Array, Array] | None:
         """Mean (n) and covariance (n, n) at a time; None before the earliest observation."""

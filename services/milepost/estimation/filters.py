@@ -18,12 +18,19 @@ class KalmanFilter:
     def __init__(self, estimator: Estimator) -> None:
         self.estimator = estimator
 
-    def take(self, observations: Sequence[Observation], now_ns: int) -> list[Observation]:
-        """Take a reading's observations into the belief; returns those that the fuser shall count.
+    def take(self, observations: Sequence[Observation], now_ns: int) -> tuple[list[Observation], list[str]]:
+        """Take a reading's observations into the belief; returns those that the fuser shall count, and why others do not.
 
         An observation older than the feedback in the belief is `absorbed`: the belief cannot use it, the fuser can.
         """
-        return [o for o in observations if self.estimator.insert(o, now_ns) in (None, "absorbed")]
+        counted, refused = [], []
+        for observation in observations:
+            reason = self.estimator.insert(observation, now_ns)
+            if reason is None or reason == "absorbed":
+                counted.append(observation)
+            else:
+                refused.append(reason)
+        return counted, refused
 
 
 FILTERS: dict[str, type[KalmanFilter]] = {"kalman": KalmanFilter}

@@ -12,10 +12,10 @@ from milepost.estimation.gaussian import marginal
 from milepost.estimation.layout import N_COMMON
 from milepost.estimation.timeline import FUTURE_NS, Observation
 from milepost.sensors.base import Sensor
-from milepost_schemas import Estimate, Feedback, Gaussian, LinearObservation, Message
+from milepost_schemas import Estimate, Feedback, Message
 
 from .base import Node, Output, Subscription
-from .observations import of_reading
+from .observations import as_fields, of_reading
 
 
 class FilterNode(Node):
@@ -62,14 +62,11 @@ class FilterNode(Node):
         estimator.advance_to(now_ns)
         belief = estimator.state_at(reading.measured_at_ns) if estimator.layout.private else None
         observed = self._sensor.observe(reading, None if belief is None else belief[0])
-        refused = dict(estimator.counters.refused)
         offered = of_reading(reading, self._order, observed)
-        counted = self._filter.take(offered, now_ns)
-        for reason, count in estimator.counters.refused.items():
-            if count != refused.get(reason, 0):
-                yield from self.refuse(
-                    reason, f"{self.unit}: reading {reading.sequence} of {reading.instance}: {reason}", now_ns
-                )
+        counted, refused = self._filter.take(offered, now_ns)
+        for reason in refused:
+            text = f"{self.unit}: reading {reading.sequence} of {reading.instance}: {reason}"
+            yield from self.refuse(reason, text, now_ns)
         if offered and not counted:
             return
         self._latest_ns = max(self._latest_ns, reading.measured_at_ns)
@@ -79,22 +76,14 @@ class FilterNode(Node):
         yield Output("estimate", self.unit, self._estimate(counted, *state, now_ns))
 
     def _estimate(self, counted: list[Observation], mean: list[float], covariance: list[list[float]], now_ns: int) -> Estimate:
-        return Estimate(
-            **self.head("estimate", self._latest_ns, now_ns),
-            belief=Gaussian(states=self._names, mean=mean, covariance=covariance),
-            observations=[
-                LinearObservation(
-                    sensor_instance=o.instance,
-                    reading_sequence=o.sequence,
-                    component=o.component,
-                    measured_at_ns=o.measured_at_ns,
-                    row=list(o.row),
-                    value=o.value,
-                    variance=o.variance,
-                )
-                for o in counted
-            ],
-            feedback_epoch_ns=None if self._feedback is None else self._feedback.measured_at_ns,
+        # validated in one go from plain lists: half the cost of building each part by itself
+        return Estimate.model_validate(
+            {
+                **self.head("estimate", self._latest_ns, now_ns),
+                "belief": {"states": self._names, "mean": mean, "covariance": covariance},
+                "observations": [as_fields(o) for o in counted],
+                "feedback_epoch_ns": None if self._feedback is None else self._feedback.measured_at_ns,
+            }
         )
 
     def _take_feedback(self, feedback: Feedback, share: float, now_ns: int) -> Iterable[Output]:

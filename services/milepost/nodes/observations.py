@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import Any
 
 from milepost.estimation.timeline import Observation
 from milepost.sensors.base import Observed
@@ -33,6 +34,19 @@ def of_estimate(estimate: Estimate, order: int) -> list[Observation]:
         )
         for o in estimate.observations
     ]
+
+
+def as_fields(o: Observation) -> dict[str, Any]:
+    """An observation as the fields of a LinearObservation; its row must be over its own unit's states."""
+    return {
+        "sensor_instance": o.instance,
+        "reading_sequence": o.sequence,
+        "component": o.component,
+        "measured_at_ns": o.measured_at_ns,
+        "row": list(o.row),
+        "value": o.value,
+        "variance": o.variance,
+    }
 
 
 def of_fix(fix: AbsoluteFix, order: int) -> Observation:

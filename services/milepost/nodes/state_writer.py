@@ -8,7 +8,7 @@ from typing import Any
 from milepost.estimation.fusion import Lists
 from milepost.estimation.integrity import interval
 from milepost.estimation.track import Line
-from milepost_schemas import AbsoluteFix, BalisePassed, FusedState, SensorExcluded, SensorInUse
+from milepost_schemas import AbsoluteFix, FusedState
 from milepost_schemas.state import Status
 
 from .roster import Presence
@@ -53,31 +53,30 @@ class StateWriter:
         slow, fast = interval(v, P[1][1], self._sigmas)
         latitude, longitude = line.track.locate(s) if line.track is not None else (None, None)
         status: Status = self._status(at_ns - earliest_ns, high - s, presence) if inside else "lost"
-        return FusedState(
+        fields = {
             **head,
-            epoch=at_ns // self._period_ns,
-            position_m=s,
-            speed_mps=v,
-            acceleration_mps2=a,
-            covariance=P,
-            position_min_m=low,
-            position_max_m=high,
-            speed_min_mps=slow,
-            speed_max_mps=fast,
-            direction="standstill" if abs(v) < STANDSTILL_MPS else "forward" if v > 0.0 else "backward",
-            status=status,
-            line=line.name,
-            line_hash=self._line_hash,
-            latitude_deg=latitude,
-            longitude_deg=longitude,
-            last_balise=None
-            if last is None
-            else BalisePassed(balise_id=last[1], position_m=last[2], distance_since_m=s - last[2]),
-            sensors=[SensorInUse(unit=u, share=presence.shares[u], age_s=age) for u, age in presence.ages_s.items()],
-            excluded=[SensorExcluded(unit=u, reason=reason) for u, reason in presence.excluded.items()],
-            awaiting=missing,
-            settled=settled,
-        )
+            "epoch": at_ns // self._period_ns,
+            "position_m": s,
+            "speed_mps": v,
+            "acceleration_mps2": a,
+            "covariance": P,
+            "position_min_m": low,
+            "position_max_m": high,
+            "speed_min_mps": slow,
+            "speed_max_mps": fast,
+            "direction": "standstill" if abs(v) < STANDSTILL_MPS else "forward" if v > 0.0 else "backward",
+            "status": status,
+            "line": line.name,
+            "line_hash": self._line_hash,
+            "latitude_deg": latitude,
+            "longitude_deg": longitude,
+            "last_balise": last and {"balise_id": last[1], "position_m": last[2], "distance_since_m": s - last[2]},
+            "sensors": [{"unit": u, "share": presence.shares[u], "age_s": age} for u, age in presence.ages_s.items()],
+            "excluded": [{"unit": u, "reason": reason} for u, reason in presence.excluded.items()],
+            "awaiting": missing,
+            "settled": settled,
+        }
+        return FusedState.model_validate(fields)
 
     def _status(self, since_start_ns: int, reach_m: float, presence: Presence) -> Status:
         if reach_m > self._lost_above_m:
@@ -87,9 +86,3 @@ class StateWriter:
         if since_start_ns < INITIALISING_NS:
             return "initialising"
         return "degraded" if presence.excluded else "normal"
-
-
-def _passed(fix: tuple[int, str, float, float] | None, position_m: float) -> BalisePassed | None:
-    if fix is None:
-        return None
-    return BalisePassed(balise_id=fix[1], position_m=fix[2], distance_since_m=position_m - fix[2])

