@@ -54,6 +54,7 @@ def summarise(states: list[tuple[FusedState, int]], truths: dict[int, Truth], st
     span_s = (received[-1] - received[0]) / 1e9
     out: dict[str, Any] = {
         "states": len(states),
+        "first_at_ns": states[0][1],
         "duration_s": span_s,
         "rate_hz": (len(states) - 1) / span_s,
         "epochs_missing": epochs[-1] - epochs[0] + 1 - len(set(epochs)),

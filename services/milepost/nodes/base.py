@@ -21,10 +21,14 @@ class Output(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Subscription:
-    """A stream that a node wants, of one unit ('*' for any)."""
+    """A stream that a node wants, of one unit ('*' for any).
+
+    `newest_only`: only the newest message matters, and not before the next message of another stream.
+    """
 
     stream: str
     unit: str = "*"
+    newest_only: bool = False
 
 
 @dataclass(slots=True)

@@ -27,7 +27,8 @@ class FilterNode(Node):
         super().__init__(train, sensor.unit, instance)
         self.subscriptions = [Subscription(sensor.stream, sensor.unit)]
         if feedback:
-            self.subscriptions.append(Subscription("feedback"))
+            # feedback changes nothing until a reading comes, so it need not wake the process
+            self.subscriptions.append(Subscription("feedback", newest_only=True))
         self._sensor = sensor
         self._filter = local
         self._estimator = local.estimator

@@ -23,6 +23,8 @@ PRIORITIES = {
     "background": zenoh.Priority.BACKGROUND,
 }
 HEARTBEAT_S = 0.5
+# Rejected: one thread for all of Zenoh's work (ZENOH_RUNTIME with `handover`). It saves a fifth of the processor and lost
+# a hundred states in two seconds, twice in four runs.
 # the binding's stubs ask for both of two options that exclude each other
 RECOVERY: Any = zenoh.ext.RecoveryConfig
 MISS_DETECTION: Any = zenoh.ext.MissDetectionConfig
@@ -78,6 +80,7 @@ class ZenohBus:
         self.train = train
         self.inbox: Inbox = queue.SimpleQueue()
         self._publishers: dict[tuple[str, str], Any] = {}
+        self._newest: list[tuple[Stream, Any]] = []
         self._kept: list[Any] = []
 
     def subscribe(self, stream_name: str, unit: str = "*") -> None:
@@ -94,6 +97,19 @@ class ZenohBus:
             self._kept.append(zenoh.ext.declare_advanced_subscriber(self.session, key, receive, recovery=recovery))
         else:
             self._kept.append(self.session.declare_subscriber(key, receive))
+
+    def subscribe_to_newest(self, stream_name: str, unit: str = "*") -> None:
+        """Keep the newest message of a stream until it is asked for; older ones are overwritten, and nobody is woken."""
+        stream = BY_NAME[stream_name]
+        ring = self.session.declare_subscriber(stream.key_for(self.train, unit), zenoh.handlers.RingChannel(1))
+        self._newest.append((stream, ring))
+
+    def newest(self) -> Iterator[Received]:
+        """What has come since the last time on streams of which only the newest matters."""
+        for stream, ring in self._newest:
+            sample = ring.try_recv()
+            if sample is not None:
+                yield Received(stream, sample, time.time_ns())
 
     def watch_tokens(self) -> None:
         """Receive the coming and going of every process of the train, beginning with those that are there."""

@@ -60,22 +60,29 @@ class Runner:
             self._meter.stepped(time.perf_counter() - begun)
             if now_ns >= self._health_ns and not self._once_a_second(now_ns):
                 return
+            if self._end_ns is not None and now_ns >= self._end_ns:
+                return
 
     def _take(self, item: Received | AliveChange | Question, now_ns: int) -> None:
         if isinstance(item, Received):
-            try:
-                message = open_message(item, self._bus.train)
-            except Refused as refused:
-                self._send(self._node.refuse(refused.reason, refused.detail, now_ns))
-                return
-            self._meter.received(item.stream.name, message, now_ns)
-            self._send(self._node.step(message, now_ns))
+            for newest in self._bus.newest():
+                self._step(newest, now_ns)
+            self._step(item, now_ns)
         elif isinstance(item, AliveChange):
             instances = self._instances.setdefault(item.unit, set())
             (instances.add if item.alive else instances.discard)(item.instance)
             self._node.unit_alive(item.unit, bool(instances))
         else:
             self._answer(item)
+
+    def _step(self, received: Received, now_ns: int) -> None:
+        try:
+            message = open_message(received, self._bus.train)
+        except Refused as refused:
+            self._send(self._node.refuse(refused.reason, refused.detail, now_ns))
+            return
+        self._meter.received(received.stream.name, message, now_ns)
+        self._send(self._node.step(message, now_ns))
 
     def _answer(self, question: Question) -> None:
         with question.query as query:
@@ -110,4 +117,4 @@ class Runner:
         if self._parent is not None and os.getppid() != self._parent:
             log.warning("the process that started this one is gone: ending")
             return False
-        return self._end_ns is None or now_ns < self._end_ns
+        return True

@@ -142,7 +142,7 @@ class _Simulated(PeriodicSource):
 
 
 def _crossed_at(motion: Motion, at_m: float, t0: float, s0: float, t1: float, s1: float, v1: float) -> float:
-    """The time in [t0, t1] at which the train passed `at_m`: the chord's, then one Newton step (over 10 ms, exact to 1e-12 s)."""
+    """The time in [t0, t1] at which the train passed `at_m`: the chord's, then one Newton step (over 10 ms: to 1e-12 s)."""
     t = t0 + (at_m - s0) / (s1 - s0) * (t1 - t0)
     s, v, _ = motion.at(t)
     t += (at_m - s) / max(v, 0.5 * v1, 1e-3)
