@@ -68,10 +68,6 @@ def test_projecting_a_located_chainage_gives_it_back(track: tuple[list[Point], l
     assert seen.cross_track_m < 0.01
 
 
-@pytest.mark.xfail(
-    strict=True,
-    reason="locate interpolates degrees, which a long leg does not bear: 9 mm on 1 km, 0.2 m on 5 km; project is right",
-)
 def test_projecting_a_located_chainage_gives_it_back_on_long_legs_too() -> None:
     line = Track(walk((4.5, 50.9), [(45.0, 900.0), (50.0, 5000.0)]))
     for position in np.linspace(0.0, line.length_m, 50):

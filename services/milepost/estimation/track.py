@@ -7,9 +7,13 @@ import json
 from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
+
+
+STEP_M = 100.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +38,7 @@ class Track:
 
     `points`: (longitude_deg, latitude_deg) in the direction of increasing chainage, at least two. Nearest points are
     found on a transverse Mercator plane about the middle of the line and carried over to geodesic chainage vertex by
-    vertex, so that the plane's scale does not enter. Raises ValueError for fewer than two distinct points.
+    vertex, so that the plane's scale does not enter. `length_m` is the length along the geodesics. Raises ValueError for fewer than two distinct points.
     """
 
     def __init__(self, points: Sequence[tuple[float, float]]) -> None:
@@ -56,14 +60,16 @@ class Track:
         self._point = shapely.Point
         self._chainage = np.concatenate([[0.0], np.cumsum(lengths)])
         self._on_plane = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(x), np.diff(y)))])
-        self._chainage_list: list[float] = self._chainage.tolist()
-        self._lon: list[float] = lon.tolist()
-        self._lat: list[float] = lat.tolist()
-
-    @property
-    def length_m(self) -> float:
-        """The length along the geodesics."""
-        return self._chainage_list[-1]
+        self.length_m = float(self._chainage[-1])
+        # degrees between two points are not on the straight line between them: short steps keep that below 0.1 mm
+        steps = [np.linspace(a, b, max(2, int((b - a) / STEP_M) + 2))[:-1] for a, b in pairwise(self._on_plane)]
+        along = np.concatenate([*steps, self._on_plane[-1:]])
+        lon, lat = self._to_plane.transform(
+            np.interp(along, self._on_plane, x), np.interp(along, self._on_plane, y), direction="INVERSE"
+        )
+        self._at: list[float] = np.interp(along, self._on_plane, self._chainage).tolist()
+        self._lon: list[float] = np.asarray(lon).tolist()
+        self._lat: list[float] = np.asarray(lat).tolist()
 
     def project(self, latitude_deg: float, longitude_deg: float) -> Projection:
         """The nearest point of the track."""
@@ -73,7 +79,7 @@ class Track:
 
     def locate(self, position_m: float) -> tuple[float, float]:
         """Latitude and longitude, in degrees, of a chainage; the ends of the track for what lies beyond them."""
-        chainage = self._chainage_list
+        chainage = self._at
         i = min(max(bisect_right(chainage, position_m) - 1, 0), len(chainage) - 2)
         part = min(max((position_m - chainage[i]) / (chainage[i + 1] - chainage[i]), 0.0), 1.0)
         lat, lon = self._lat, self._lon
