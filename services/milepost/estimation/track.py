@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 
-
 STEP_M = 100.0
 
 
@@ -38,7 +37,8 @@ class Track:
 
     `points`: (longitude_deg, latitude_deg) in the direction of increasing chainage, at least two. Nearest points are
     found on a transverse Mercator plane about the middle of the line and carried over to geodesic chainage vertex by
-    vertex, so that the plane's scale does not enter. `length_m` is the length along the geodesics. Raises ValueError for fewer than two distinct points.
+    vertex, so that the plane's scale does not enter. `length_m` is the length along the geodesics.
+    Raises ValueError for fewer than two distinct points.
     """
 
     def __init__(self, points: Sequence[tuple[float, float]]) -> None:
