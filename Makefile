@@ -13,6 +13,7 @@ help: ## this list
 # requirements.lock pins everything as constraints; the projects say what they need
 $(VENV)/.ready: pyproject.toml schemas/pyproject.toml requirements.lock
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "milepost: Python 3.11 or newer is needed")'
+	@echo "setting up $(VENV); the first time takes about a minute"
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c requirements.lock -e ./schemas -e '.[dev]'
 	touch $@

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
+from collections import deque
 from typing import Any
 
 from rich.console import Console, Group
@@ -27,19 +28,21 @@ class Screen:
 
     def __init__(self) -> None:
         self.states: dict[str, tuple[FusedState, int]] = {}
-        self.truths: dict[str, dict[int, Truth]] = {}
+        self.errors: dict[str, str] = {}
         self.healths: dict[tuple[str, str], Health] = {}
         self.events: list[str] = []
+        self._recent: deque[FusedState] = deque(maxlen=64)
 
     def receive(self, stream: str, message: Message, now_ns: int) -> None:  # noqa: ARG002
         """Take one message."""
         if isinstance(message, FusedState):
             self.states[message.train] = (message, now_ns)
+            self._recent.append(message)
         elif isinstance(message, Truth):
-            kept = self.truths.setdefault(message.train, {})
-            kept[message.measured_at_ns] = message
-            while len(kept) > 64:
-                del kept[next(iter(kept))]
+            # the truth of an epoch is told a little after its state
+            for state in self._recent:
+                if (state.train, state.measured_at_ns) == (message.train, message.measured_at_ns):
+                    self.errors[state.train] = _error(state, message)
         elif isinstance(message, Health):
             self.healths[(message.train, message.unit)] = message
         elif isinstance(message, Event):
@@ -72,11 +75,8 @@ class Screen:
             table.add_row("place", f"{state.latitude_deg:12.6f}, {state.longitude_deg:.6f}")
         if state.last_balise:
             table.add_row("balise", f"{state.last_balise.balise_id:>12} {state.last_balise.distance_since_m:.1f} m ago")
-        truth = self.truths.get(state.train, {}).get(state.measured_at_ns)
-        if truth:
-            error, wrong = state.position_m - truth.position_m, state.speed_mps - truth.speed_mps
-            inside = state.position_min_m <= truth.position_m <= state.position_max_m
-            table.add_row("true error", f"{error:+12.3f} m, {wrong:+.4f} m/s, {'inside' if inside else 'OUTSIDE'} the interval")
+        if state.train in self.errors:
+            table.add_row("true error", self.errors[state.train])
         return Group(table, self._sensors(state))
 
     def _sensors(self, state: FusedState) -> Table:
@@ -95,6 +95,12 @@ class Screen:
             awaited = "awaited" if unit in state.awaiting else ""
             table.add_row(unit, rate, age, share, refused, late, Text(reason or awaited, style="yellow"))
         return table
+
+
+def _error(state: FusedState, truth: Truth) -> str:
+    error, wrong = state.position_m - truth.position_m, state.speed_mps - truth.speed_mps
+    inside = state.position_min_m <= truth.position_m <= state.position_max_m
+    return f"{error:+12.3f} m, {wrong:+.4f} m/s, {'inside' if inside else 'OUTSIDE'} the interval"
 
 
 def run_watch(connect: list[str]) -> int:
