@@ -59,7 +59,7 @@ def summarise(states: list[tuple[FusedState, int]], truths: dict[int, Truth], st
         "rate_hz": (len(states) - 1) / span_s,
         "epochs_missing": epochs[-1] - epochs[0] + 1 - len(set(epochs)),
         "gap_ms": {"median": float(np.median(gaps_ms)), "p99": float(np.percentile(gaps_ms, 99)), "max": float(gaps_ms.max())},
-        "age_ms": _spread([(at - state.measured_at_ns) / 1e6 for state, at in states]),
+        "age_ms": _ages(states),
         "statuses": {s: sum(state.status == s for state, _ in states) for s in sorted({state.status for state, _ in states})},
     }
     long = [_explained(received[i], received[i + 1], stalls) for i in np.flatnonzero(gaps_ms > GAP_MS)]
@@ -73,6 +73,12 @@ def summarise(states: list[tuple[FusedState, int]], truths: dict[int, Truth], st
 def _explained(before_ns: int, after_ns: int, stalls: list[dict[str, float]]) -> dict[str, float]:
     overlapping = [s["stall_ms"] for s in stalls if s["at_ns"] > before_ns and s["at_ns"] - s["stall_ms"] * 1e6 < after_ns]
     return {"at_ns": int(before_ns), "gap_ms": float(after_ns - before_ns) / 1e6, "stall_ms": sum(overlapping)}
+
+
+def _ages(states: list[tuple[FusedState, int]]) -> dict[str, float] | None:
+    """From an epoch to the receipt of its state; None where scenario time runs at another speed than the receiver's clock."""
+    ages = [(at - state.measured_at_ns) / 1e6 for state, at in states]
+    return _spread(ages) if min(ages) >= 0.0 else None
 
 
 def _spread(values: list[float]) -> dict[str, float]:
