@@ -94,6 +94,11 @@ def _import_plotting() -> Any:
 def evaluate_once(path: Path, seed: int, record: Path | None, show: Any) -> tuple[dict[str, Any], Heard, dict[str, Estimates]]:
     """One seed: the figures, what was said, and every estimator's states."""
     scenario, train = load_scenario(path, seed)
+    # what cannot be compared afterwards is said before the work, not after it
+    for unit in scenario.alone:
+        if unit not in train.fused_units:
+            raise ConfigError(path, "alone", f"{unit} has no filter in {train.path}")
+    fixes = withheld_fixes(path, scenario, train) if scenario.withheld is not None else []
     with ExitStack() as stack:
         file = stack.enter_context(record.open("w", encoding="utf-8")) if record is not None else None
         heard = Heard(train, file)
@@ -107,8 +112,6 @@ def evaluate_once(path: Path, seed: int, record: Path | None, show: Any) -> tupl
         "centralised": _centralised(heard, train, None),
     }
     for unit in scenario.alone:
-        if unit not in train.fused_units:
-            raise ConfigError(path, "alone", f"{unit} has no filter in {train.path}")
         estimators[f"{unit}_only"] = _centralised(heard, train, unit)
     result: dict[str, Any] = {"scenario": scenario.scenario, "seed": seed, "duration_s": scenario.duration_s}
     result["estimators"] = {
@@ -119,13 +122,12 @@ def evaluate_once(path: Path, seed: int, record: Path | None, show: Any) -> tupl
     result["fused_minus_centralised_max_sigma"] = largest_difference_in_sigmas(estimators["fused"], estimators["centralised"])
     if scenario.withheld is not None:
         period_ns = train.file.fusion.period_ms * 1_000_000
-        fixes = withheld_fixes(path, scenario, train)
         result |= score_withheld(heard.settled, fixes, train.line, OFFLINE_START_NS, period_ns)
     return result, heard, estimators
 
 
 def withheld_fixes(path: Path, scenario: ScenarioFile, train: Train) -> list[RecordedFix]:
-    """The RTK fixes of the withheld span. Raises ConfigError where the filters would see them after all."""
+    """The RTK fixes of the withheld span. Raises ConfigError where the filters would see them, or there is none to see."""
     withheld = scenario.withheld
     assert withheld is not None
     options: Any = train.sensors[withheld.unit].options if withheld.unit in train.sensors else None
@@ -133,8 +135,13 @@ def withheld_fixes(path: Path, scenario: ScenarioFile, train: Train) -> list[Rec
         raise ConfigError(path, "withheld.unit", f"{withheld.unit} has no recording")
     if not any(a <= withheld.from_s and withheld.to_s <= b for a, b in options.withhold_s):
         raise ConfigError(path, "withheld", f"units.{withheld.unit}.withhold_s does not cover it")
-    fixes = read_gnss_log(options.recording)
-    return [fix for fix in fixes if withheld.from_s <= fix.t_s < withheld.to_s and fix.solution == "rtk_fixed"]
+    if withheld.to_s > scenario.duration_s:
+        raise ConfigError(path, "withheld.to_s", f"the run ends before, after {scenario.duration_s:g} s")
+    recorded = read_gnss_log(options.recording)
+    fixes = [fix for fix in recorded if withheld.from_s <= fix.t_s < withheld.to_s and fix.solution == "rtk_fixed"]
+    if not fixes:
+        raise ConfigError(path, "withheld", f"{withheld.unit} has no RTK fix in it")
+    return fixes
 
 
 def _of_states(states: dict[int, FusedState]) -> Estimates:
