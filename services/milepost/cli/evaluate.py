@@ -63,6 +63,8 @@ def run_evaluate(path: Path, seed: int | None, runs: int, as_json: bool, plot: P
     for file in (plot, record):
         if file is not None and not file.parent.is_dir():
             raise ConfigError(file, "", "its folder does not exist")
+        if file is not None and file.is_dir():
+            raise ConfigError(file, "", "is a folder")
     if plot is not None:
         # known to be missing before the work, not after it
         _import_plotting()

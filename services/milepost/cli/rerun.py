@@ -25,22 +25,27 @@ def run_rerun(readings: Path, train_file: Path, out: Path, origin: str) -> int:
         raise ConfigError(readings, "", "no such file")
     if not out.parent.is_dir():
         raise ConfigError(out, "", "its folder does not exist")
+    if out.is_dir():
+        raise ConfigError(out, "", "is a folder")
     train = load_train(train_file)
     reader = Reader(readings, train, ORIGINS[origin])
     begun, count, first, last = time.perf_counter(), 0, 0, 0
     partial = out.with_name(out.name + ".partial")
-    with partial.open("w", encoding="utf-8") as file, progress_bar("rerun", readings.stat().st_size) as show:
+    try:
+        with partial.open("w", encoding="utf-8") as file, progress_bar("rerun", readings.stat().st_size) as show:
 
-        def settled(state: FusedState) -> None:
-            nonlocal count, first, last
-            file.write(state.model_dump_json() + "\n")
-            count, first, last = count + 1, first or state.measured_at_ns, state.measured_at_ns
-            if count % 50 == 0:
-                show(reader.read_bytes)
+            def settled(state: FusedState) -> None:
+                nonlocal count, first, last
+                file.write(state.model_dump_json() + "\n")
+                count, first, last = count + 1, first or state.measured_at_ns, state.measured_at_ns
+                if count % 50 == 0:
+                    show(reader.read_bytes)
 
-        replay(train, reader.messages(), origin == "estimates", settled)
-    # an interrupted rerun leaves no file that looks whole
-    partial.replace(out)
+            replay(train, reader.messages(), origin == "estimates", settled)
+        partial.replace(out)
+    finally:
+        # an interrupted rerun leaves nothing half written, and what was there before as it was
+        partial.unlink(missing_ok=True)
     spent = time.perf_counter() - begun
     print(f"{count} states of {(last - first) * 1e-9:.1f} s in {spent:.1f} s -> {out}", file=sys.stderr)
     for reason, number in reader.refusals.counts.items():
