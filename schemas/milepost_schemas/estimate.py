@@ -24,7 +24,7 @@ class LinearObservation(Part):
     measured_at_ns: TimeNs
     row: Annotated[list[Coefficient], Field(min_length=3)]
     value: Annotated[float, Field(ge=-1e9, le=1e9)]
-    variance: Annotated[float, Field(ge=1e-12, le=1e15)]
+    variance: Variance
 
 
 class Estimate(Message):

@@ -18,7 +18,7 @@ Count = Annotated[int, Field(ge=0, lt=2**63)]
 PositionM = Annotated[float, Field(ge=-1e7, le=1e7)]
 SpeedMps = Annotated[float, Field(ge=-200.0, le=200.0)]
 AccelerationMps2 = Annotated[float, Field(ge=-20.0, le=20.0)]
-Variance = Annotated[float, Field(gt=0.0, le=1e15)]
+Variance = Annotated[float, Field(ge=1e-12, le=1e15)]
 NonNegative = Annotated[float, Field(ge=0.0)]
 Share = Annotated[float, Field(ge=0.0, le=1.0)]
 
@@ -36,7 +36,7 @@ class Message(Part):
     """The head of every message.
 
     `sequence` counts from 0 per stream and instance. `measured_at_ns` is the UTC time, in nanoseconds, at which the
-    content was true; `published_at_ns` is when it was sent.
+    content was true; `published_at_ns` is the time of the step that sent it.
     """
 
     SCHEMA: ClassVar[str]

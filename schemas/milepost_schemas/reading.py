@@ -19,7 +19,7 @@ class SpeedReading(Message):
 
     speed_mps: SpeedMps | None = None
     speed_variance_m2ps2: Variance | None = None
-    speed_max_mps: SpeedMps | None = None
+    speed_max_mps: Annotated[float, Field(ge=1e-3, le=1e4)] | None = None
     interval_s: NonNegative = 0.0
 
     @model_validator(mode="after")

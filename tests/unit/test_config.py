@@ -324,13 +324,14 @@ def test_a_mistake_in_a_scenario_is_one_line(tmp_path: Path, up_says: Any, name:
     assert says in line
 
 
-def test_a_change_in_a_scenario_that_spoils_the_train_names_the_trains_field(tmp_path: Path) -> None:
-    train = write_train(tmp_path)
+def test_a_change_in_a_scenario_that_spoils_the_train_is_the_scenarios_mistake_and_names_the_field(tmp_path: Path) -> None:
+    write_train(tmp_path)
     path = tmp_path / "scenario.yaml"
     path.write_text(yaml.safe_dump({**SCENARIO_FILE, "change": {"prior": {"speed_mps": "fast"}}}), encoding="utf-8")
     with pytest.raises(ConfigError) as caught:
         load_scenario(path)
-    assert str(caught.value).startswith(f"{train}: prior.speed_mps: ")
+    assert str(caught.value).startswith(f"{path}: change: ")
+    assert "prior.speed_mps: " in str(caught.value)
 
 
 def test_a_scenarios_changes_seed_and_rule_lie_over_the_train_and_leave_the_rest(tmp_path: Path) -> None:

@@ -14,14 +14,9 @@ from milepost_schemas import BY_NAME, Message, Refused, decode
 Receive = Callable[[str, Message, int], None]
 
 
-class NoRouter(Exception):
-    """Nobody listens at the endpoints."""
-
-
 @contextmanager
 def listening(endpoints: list[str], streams: Sequence[str], train: str, receive: Receive) -> Iterator[Any]:
-    """Call `receive(stream, message, received_at_ns)` for every message of these streams. Raises NoRouter."""
-    import zenoh
+    """Call `receive(stream, message, received_at_ns)` for every message of these streams. Raises NoRouterError."""
 
     def callback_for(name: str) -> Callable[[Any], None]:
         schema = BY_NAME[name].message
@@ -35,14 +30,7 @@ def listening(endpoints: list[str], streams: Sequence[str], train: str, receive:
 
         return callback
 
-    opened = open_session(zenoh_config.tool(endpoints))
-    try:
-        session = opened.__enter__()
-    except zenoh.ZError as error:
-        raise NoRouter(f"no router at {', '.join(endpoints)}") from error
-    try:
+    with open_session(zenoh_config.tool(endpoints)) as session:
         kept = [session.declare_subscriber(BY_NAME[name].key_for(train), callback_for(name)) for name in streams]
         yield session
         del kept
-    finally:
-        opened.__exit__(None, None, None)

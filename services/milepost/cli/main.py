@@ -154,3 +154,6 @@ def main() -> None:
     except ConfigError as error:
         print(f"milepost: {error}", file=sys.stderr)
         sys.exit(2)
+    except OSError as error:  # a file, a port, no router
+        print(f"milepost: {error}", file=sys.stderr)
+        sys.exit(1)

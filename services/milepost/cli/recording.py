@@ -12,6 +12,9 @@ from milepost.nodes.base import Output, Refusals
 from milepost.runtime.config import Train
 from milepost_schemas import BY_NAME, ROOT, STREAMS, Message, Refused, from_fields
 
+# a clock that is farther off than this is none, and time would have to be gone through epoch by epoch
+FARTHEST_NS = 3600 * 10**9
+
 
 def write_line(file: TextIO, train: str, output: Output, received_at_ns: int) -> None:
     """Append one message."""
@@ -70,6 +73,8 @@ class Reader:
         if received is not None and (type(received) is not int or received <= 0):
             raise Refused("invalid", "received_at_ns: a positive whole number is needed")
         message = from_fields(entry.get("payload"), BY_NAME[stream].message)
+        if received is not None and abs(received - message.published_at_ns) > FARTHEST_NS:
+            raise Refused("invalid", "received_at_ns: more than an hour from published_at_ns")
         if message.train != self.train.name or parts[2] != self.train.name:
             raise Refused("other_train", f"{message.train} is not {self.train.name}")
         if unit and message.unit != unit:

@@ -2,9 +2,20 @@
 
 from __future__ import annotations
 
+import ctypes
+import signal
+import sys
 from pathlib import Path
 
 from milepost.runtime.yaml_files import ConfigError
+
+PR_SET_PDEATHSIG = 1
+
+
+def end_with_parent() -> None:
+    """Have the kernel end this process when the one that started it dies, even while Zenoh waits for a router."""
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGTERM)
 
 
 def run_role(
@@ -19,6 +30,8 @@ def run_role(
     parent: int | None,
 ) -> None:
     """Run the router or one process of a train. Raises ConfigError."""
+    if parent is not None:
+        end_with_parent()
     from milepost.runtime.process import ProcessOptions, run_process, run_router
 
     if role == "router":

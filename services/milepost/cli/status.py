@@ -7,9 +7,10 @@ import sys
 import threading
 import time
 
+from milepost.runtime.bus import NoRouterError
 from milepost_schemas import FusedState, Message
 
-from .listening import NoRouter, listening
+from .listening import listening
 
 SETTLE_S = 0.3
 
@@ -29,7 +30,7 @@ def run_status(connect: list[str], as_json: bool, timeout_s: float) -> int:
             if first.wait(timeout_s):
                 # other trains on the same router speak within a few epochs
                 time.sleep(SETTLE_S)
-    except NoRouter as error:
+    except NoRouterError as error:
         print(f"milepost: {error}", file=sys.stderr)
         return 1
     if not states:

@@ -9,13 +9,14 @@ import tempfile
 import time
 from pathlib import Path
 
+from milepost.runtime.bus import NoRouterError
 from milepost.runtime.config import load_train
 from milepost.runtime.process import set_up_log
 from milepost.runtime.roles import ROLES, Setting, processes
 from milepost.runtime.supervisor import Supervisor, port_is_free, start_train
 from milepost.runtime.yaml_files import ConfigError
 
-from .listening import NoRouter, listening
+from .listening import listening
 from .watch import STREAMS, Screen, show
 
 WAIT_FOR_ROUTER_S = 20.0
@@ -78,7 +79,7 @@ def _wait_for_router(endpoint: str) -> None:
     deadline = time.monotonic() + WAIT_FOR_ROUTER_S
     while port_is_free(endpoint):
         if time.monotonic() > deadline:
-            raise NoRouter(f"the router did not begin to listen on {endpoint}")
+            raise NoRouterError(f"the router did not begin to listen on {endpoint}")
         time.sleep(0.05)
 
 
@@ -91,7 +92,7 @@ def _loop(supervisor: Supervisor, screen: Screen, shown: Screen | None) -> None:
             if shown is None or not sys.stdout.isatty():
                 print(f"milepost: {sentence}", file=sys.stderr, flush=True)
         own = [c for c in supervisor.children if c.name not in ("router", "sentinel", "observer")]
-        return any(c.running or (c.restart and c.process.returncode != 0) for c in own)
+        return any(c.running or c.again_at is not None for c in own)
 
     if shown is not None:
         show(shown, going)

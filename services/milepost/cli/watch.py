@@ -12,9 +12,10 @@ from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
+from milepost.runtime.bus import NoRouterError
 from milepost_schemas import Event, FusedState, Health, Message, Truth
 
-from .listening import NoRouter, listening
+from .listening import listening
 
 STYLES = {"normal": "green", "initialising": "cyan", "degraded": "yellow", "coasting": "yellow", "lost": "red"}
 STREAMS = ["state", "truth", "health", "event"]
@@ -109,7 +110,7 @@ def run_watch(connect: list[str]) -> int:
     try:
         with listening(connect, STREAMS, "*", screen.receive):
             show(screen, lambda: True)
-    except NoRouter as error:
+    except NoRouterError as error:
         print(f"milepost: {error}", file=sys.stderr)
         return 1
     except KeyboardInterrupt:

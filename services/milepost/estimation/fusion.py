@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from bisect import bisect_right
+from bisect import bisect_right, insort
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple, Protocol
 
@@ -13,10 +13,10 @@ from .federated import fuse
 from .kalman import update
 from .layout import COMMON, Array, Layout
 from .motion import transition
-from .timeline import NS, Counters, Observation
+from .timeline import FUTURE_NS, NS, Counters, Observation
 
-# beliefs to remember for each unit: enough to find the last one before an epoch that waited out its deadline
-KEPT_BELIEFS = 64
+# forgetting costs the length of a list, so it is done for some at once
+FORGET_AT_LEAST = 64
 Lists = tuple[list[float], list[list[float]]]
 
 
@@ -95,24 +95,34 @@ class FederatedFusion:
         self._horizon_ns = horizon_ns
         self._feedback = feedback
         self._beliefs: dict[str, list[Belief]] = {}
+        self._first_heard: dict[str, int] = {}
         self._fixes: list[Observation] = []
+        # the epoch that took each fix: asked again, it takes it again, and no other does
+        self._taken_at: dict[tuple[object, ...], int] = {}
         self._seen: dict[tuple[str, int], int] = {}
 
-    def take_estimate(self, unit: str, belief: Belief, observations: Sequence[Observation], now_ns: int) -> list[str | None]:  # noqa: ARG002
+    def take_estimate(self, unit: str, belief: Belief, observations: Sequence[Observation], now_ns: int) -> list[str | None]:
         """Keep the belief; the observations are not needed."""
-        kept = self._beliefs.setdefault(unit, [])
-        kept.append(belief)
-        kept.sort(key=lambda b: b.at_ns)
-        del kept[:-KEPT_BELIEFS]
+        reason = self._untimely(belief.at_ns, now_ns)
+        if reason is None and min(row[i] for i, row in enumerate(belief.covariance[:3])) <= 0.0:
+            reason = "no_variance"
+        if reason is not None:
+            return [reason] * max(1, len(observations))
+        self._first_heard.setdefault(unit, belief.at_ns)
+        insort(self._beliefs.setdefault(unit, []), belief, key=lambda b: b.at_ns)
         return [None] * len(observations)
+
+    def _untimely(self, at_ns: int, now_ns: int) -> str | None:
+        if at_ns < now_ns - self._horizon_ns:
+            return "too_old"
+        return "from_future" if at_ns > now_ns + FUTURE_NS else None
 
     def take_fix(self, fix: Observation, now_ns: int) -> str | None:
         """Keep the fix for the next epoch."""
         identity = (fix.instance, fix.sequence)
-        if identity in self._seen:
-            return "duplicate"
-        if fix.measured_at_ns < now_ns - self._horizon_ns:
-            return "too_old"
+        reason = "duplicate" if identity in self._seen else self._untimely(fix.measured_at_ns, now_ns)
+        if reason is not None:
+            return reason
         self._seen[identity] = fix.measured_at_ns
         self._fixes.append(fix)
         return None
@@ -125,15 +135,16 @@ class FederatedFusion:
         last = {unit: b for unit, share in shares.items() if share > 0.0 and (b := self._last(unit, at_ns)) is not None}
         if self._feedback:
             fed = {unit: b for unit, b in last.items() if b.fed}
-            last = fed or dict(sorted(last.items(), key=lambda item: self._beliefs[item[0]][0].at_ns)[:1])
+            last = fed or dict(sorted(last.items(), key=lambda item: self._first_heard[item[0]])[:1])
         if not last:
             return None
         mean, covariance = fuse([self._carried(b, at_ns, shares[unit]) for unit, b in last.items()])
-        for fix in sorted(f for f in self._fixes if f.measured_at_ns <= at_ns):
+        for fix in sorted(
+            f for f in self._fixes if f.measured_at_ns <= at_ns and self._taken_at.setdefault(f[:5], at_ns) == at_ns
+        ):
             age = (at_ns - fix.measured_at_ns) * NS
             row = row_now(fix.row, age)
             mean, covariance = update(mean, covariance, row, fix.value, fix.variance)
-        self._fixes = [f for f in self._fixes if f.measured_at_ns > at_ns]
         return mean.tolist(), covariance.tolist()
 
     def _last(self, unit: str, at_ns: int) -> Belief | None:
@@ -150,9 +161,16 @@ class FederatedFusion:
         return kernel.unpack(state)  # type: ignore[arg-type]
 
     def advance_to(self, now_ns: int) -> None:
-        """Forget the identities of fixes that would be refused for their age anyway."""
-        if len(self._seen) > KEPT_BELIEFS:
-            self._seen = {key: at for key, at in self._seen.items() if at >= now_ns - self._horizon_ns}
+        """Forget beliefs and fixes that no epoch will ask for: of each unit, the last one before the horizon stays."""
+        boundary = now_ns - self._horizon_ns
+        for kept in self._beliefs.values():
+            place = bisect_right(kept, boundary, key=lambda b: b.at_ns) - 1
+            if place >= FORGET_AT_LEAST:
+                del kept[:place]
+        if len(self._seen) >= FORGET_AT_LEAST:
+            self._seen = {key: at for key, at in self._seen.items() if at >= boundary}
+            self._fixes = [f for f in self._fixes if f.measured_at_ns >= boundary - self._horizon_ns]
+            self._taken_at = {f[:5]: self._taken_at[f[:5]] for f in self._fixes if f[:5] in self._taken_at}
 
 
 def row_now(row: tuple[float, ...], age_s: float) -> Array:

@@ -101,13 +101,11 @@ class Timeline:
 
     def insert(self, observation: Observation, now_ns: int) -> str | None:
         """Put an observation where it belongs. Returns the reason if it is refused, `absorbed` if the base covers its time."""
-        self._move_boundary(now_ns)
         at = observation.measured_at_ns
         identity = (observation.unit, observation.instance, observation.sequence, observation.component)
-        if at < self._boundary_ns:
-            return self._refuse("too_old")
-        if at > now_ns + FUTURE_NS:
-            return self._refuse("from_future")
+        reason = self.untimely(at, now_ns)
+        if reason is not None:
+            return self._refuse(reason)
         if identity in self._seen:
             return self._refuse("duplicate")
         self._seen[identity] = at
@@ -116,6 +114,13 @@ class Timeline:
         self.counters.accepted += 1
         self._place(observation)
         return None
+
+    def untimely(self, at_ns: int, now_ns: int) -> str | None:
+        """The reason for which something of this time would be refused."""
+        self._move_boundary(now_ns)
+        if at_ns < self._boundary_ns:
+            return "too_old"
+        return "from_future" if at_ns > now_ns + FUTURE_NS else None
 
     def _place(self, observation: Observation) -> None:
         key = observation[:5]
@@ -129,7 +134,10 @@ class Timeline:
         self._states.insert(place, None)
 
     def withdraw(self, unit: str, since_ns: int) -> list[Observation]:
-        """Take a unit's observations from `since_ns` on out, as if they had never come. Returns them, in order."""
+        """Take a unit's observations from `since_ns` on out, as if they had never come. Returns them.
+
+        What is in the base already, older than the horizon, stays in it.
+        """
         out = [knot for knot in self._knots if knot.unit == unit and knot.measured_at_ns >= since_ns]
         if out:
             kept = [knot for knot in self._knots if not (knot.unit == unit and knot.measured_at_ns >= since_ns)]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -72,8 +73,11 @@ class Track:
         self._lat: list[float] = np.asarray(lat).tolist()
 
     def project(self, latitude_deg: float, longitude_deg: float) -> Projection:
-        """The nearest point of the track."""
-        point = self._point(*self._to_plane.transform(longitude_deg, latitude_deg))
+        """The nearest point of the track; infinitely far from it for points that the plane cannot show."""
+        x, y = self._to_plane.transform(longitude_deg, latitude_deg)
+        if not (math.isfinite(x) and math.isfinite(y)):
+            return Projection(0.0, math.inf)  # a quarter of the earth away, where the plane ends
+        point = self._point(x, y)
         position = float(np.interp(self._shape.project(point), self._on_plane, self._chainage))
         return Projection(position, float(self._shape.distance(point)))
 

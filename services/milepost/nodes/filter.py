@@ -17,6 +17,9 @@ from milepost_schemas import Estimate, Feedback, Message
 from .base import Node, Output, Subscription
 from .observations import as_fields, of_reading
 
+# dividing by less would only make numbers that overflow
+LEAST_SHARE = 1e-6
+
 
 class FilterNode(Node):
     """Runs one local filter of one unit. `order` is the unit's row in the train file."""
@@ -61,6 +64,11 @@ class FilterNode(Node):
     def _take_reading(self, reading: Message, now_ns: int) -> Iterable[Output]:
         estimator = self._estimator
         estimator.advance_to(now_ns)
+        reason = estimator.timeline.untimely(reading.measured_at_ns, now_ns)
+        if reason is not None:
+            text = f"{self.unit}: reading {reading.sequence} of {reading.instance}: {reason}"
+            yield from self.refuse(reason, text, now_ns)
+            return
         belief = estimator.state_at(reading.measured_at_ns) if estimator.layout.private else None
         observed = self._sensor.observe(reading, None if belief is None else belief[0])
         offered = of_reading(reading, self._order, observed)
@@ -98,7 +106,7 @@ class FilterNode(Node):
         # a unit that does not count gets no feedback; but one that has never had any must begin somewhere
         if share <= 0.0 and self._feedback is None:
             share = self._estimator.share
-        if share <= 0.0:
+        if share < LEAST_SHARE:
             return
         states = feedback.fused.states
         # a rule that does not fuse private states sends the common ones alone

@@ -10,7 +10,7 @@ import numpy as np
 from milepost.estimation.estimator import Prior
 from milepost.estimation.fusion import RULES, Belief
 from milepost.estimation.layout import Layout
-from milepost.estimation.timeline import Observation
+from milepost.estimation.timeline import FUTURE_NS, Observation
 from milepost.estimation.track import Line
 from milepost_schemas import AbsoluteFix, Estimate, Feedback, FusedState, Gaussian, Message
 
@@ -23,8 +23,6 @@ from .state_writer import StateWriter
 BACKLOG_NS = 1_000_000_000
 # how long the first epoch is held back for units that have not been heard yet
 HOLD_NS = 1_000_000_000
-# a former fuser's state older than this is worth less than the train file's prior
-CONTINUE_NS = 60_000_000_000
 
 
 @dataclass(frozen=True)
@@ -77,9 +75,8 @@ class FuserNode(Node):
         return self._feedback if procedure == "latest_feedback" else None
 
     def catch_up(self, feedback: Feedback, now_ns: int) -> bool:
-        """Continue from what a former fuser said last, instead of the train file's prior."""
-        age_ns = now_ns - feedback.measured_at_ns
-        if feedback.fused.states != self._rule.names or not 0 <= age_ns <= CONTINUE_NS:
+        """Continue from what a former fuser said last, however old: carried to now it is honest, the prior is not."""
+        if feedback.fused.states != self._rule.names or feedback.measured_at_ns > now_ns + FUTURE_NS:
             return False
         mean, covariance = np.array(feedback.fused.mean), np.array(feedback.fused.covariance)
         self._rule.start_from(feedback.measured_at_ns, mean, covariance)
@@ -125,7 +122,13 @@ class FuserNode(Node):
         except ValueError as error:
             yield from self.refuse("other_layout", str(error), now_ns)
             return
-        for observation, reason in zip(observations, reasons, strict=True):
+        if not observations and abs(estimate.measured_at_ns - now_ns) <= self._settings.horizon_ns:
+            self._roster.arrived(estimate.unit, estimate.measured_at_ns, now_ns)
+        if len(reasons) > len(observations):
+            yield from self.refuse(
+                reasons[0] or "invalid", f"{estimate.unit}: belief {estimate.sequence}: {reasons[0]}", now_ns
+            )
+        for observation, reason in zip(observations, reasons, strict=False):
             yield from self._noted(observation, reason, now_ns)
 
     def _take_fix(self, fix: AbsoluteFix, now_ns: int) -> Iterable[Output]:

@@ -26,6 +26,7 @@ class UnitRow:
 class _Unit:
     row: UnitRow
     times: list[int] = field(default_factory=list)
+    arrived_ns: int = 0
     punctual: bool = True
     gone: set[str] = field(default_factory=set)
 
@@ -61,13 +62,20 @@ class Roster:
         insort(known.times, measured_at_ns)
         if len(known.times) > 2 * KEPT_TIMES:
             del known.times[:KEPT_TIMES]
+        self.arrived(unit, measured_at_ns, now_ns)
+
+    def arrived(self, unit: str, measured_at_ns: int, now_ns: int) -> None:
+        """A unit's reading came, whether or not it could be used."""
+        known = self._units[unit]
+        known.arrived_ns = max(known.arrived_ns, measured_at_ns)
         if now_ns - measured_at_ns <= self._deadline_ns:
             known.punctual = True
 
     def process_alive(self, process: str, alive: bool) -> None:
-        """A process's token appeared or went; a unit is heard through its sensor's and its filter's process."""
+        """A process's token appeared or went; a unit is heard through its sensor and its filter, a reader through `balise`."""
         for name, unit in self._units.items():
-            if process in (f"sensor-{name}", f"filter-{name}"):
+            speakers = (f"sensor-{name}", f"filter-{name}" if unit.row.fused else "balise")
+            if process in speakers:
                 (unit.gone.discard if alive else unit.gone.add)(process)
 
     def all_heard(self) -> bool:
@@ -81,7 +89,7 @@ class Roster:
             period = unit.row.period_ns
             if period is None or not unit.times:
                 continue
-            last = unit.times[-1]
+            last = max(unit.times[-1], unit.arrived_ns)
             if last + period <= epoch_ns and epoch_ns - last <= max(STALE_NS, 3 * period):
                 out.append(name)
         return out
@@ -110,7 +118,8 @@ class Roster:
             elif last is None:
                 excluded[name] = "never heard"
             elif epoch_ns - last > max(STALE_NS, 3 * (unit.row.period_ns or 0)):
-                excluded[name] = "silent"
+                heard = unit.arrived_ns > last and epoch_ns - unit.arrived_ns <= STALE_NS
+                excluded[name] = "no usable reading" if live and heard else "silent"
             else:
                 ages[name] = (epoch_ns - last) * 1e-9
         return Presence(ages, share_out(self._shares, list(ages)), excluded)

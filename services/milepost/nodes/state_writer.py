@@ -27,6 +27,8 @@ class StateWriter:
     def __init__(self, line: Line, period_ns: int, sigmas: float, lost_above_m: float) -> None:
         self._line = line
         self._line_hash = line.content_hash
+        # until a balise has been passed (or after a restart) any of them may be the reference
+        self._worst_accuracy_m = max((b.location_accuracy_m for b in line.balises), default=0.0)
         self._period_ns = period_ns
         self._sigmas = sigmas
         self._lost_above_m = lost_above_m
@@ -49,7 +51,7 @@ class StateWriter:
         inside = abs(s) < FARTHEST_M and abs(v) < FASTEST_MPS
         if not inside:
             s, v = min(max(s, -FARTHEST_M), FARTHEST_M), min(max(v, -FASTEST_MPS), FASTEST_MPS)
-        low, high = interval(s, P[0][0], self._sigmas, line.map_accuracy_m + (last[3] if last else 0.0))
+        low, high = interval(s, P[0][0], self._sigmas, line.map_accuracy_m + (last[3] if last else self._worst_accuracy_m))
         slow, fast = interval(v, P[1][1], self._sigmas)
         latitude, longitude = line.track.locate(s) if line.track is not None else (None, None)
         status: Status = self._status(at_ns - earliest_ns, high - s, presence) if inside else "lost"

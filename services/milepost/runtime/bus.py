@@ -64,12 +64,26 @@ class Stop:
 Inbox = queue.SimpleQueue[Received | AliveChange | Question | Stop]
 
 
+class NoRouterError(ConnectionError):
+    """No session could be opened: nobody there, or an endpoint that is none."""
+
+
 @contextmanager
 def open_session(config: dict[str, Any]) -> Iterator[Any]:
     """A Zenoh session that is closed whatever happens: without that, a crashed process would keep its token alive."""
     zenoh.init_log_from_env_or("error")
-    with zenoh.open(zenoh.Config.from_json5(json.dumps(config))) as session:
+    try:
+        opened = zenoh.open(zenoh.Config.from_json5(json.dumps(config)))
+    except zenoh.ZError as error:
+        endpoints = (config.get("connect") or config.get("listen") or {}).get("endpoints", [])
+        raise NoRouterError(f"{config.get('mode')} at {', '.join(endpoints)}: {_first_line(error)}") from error
+    with opened as session:
         yield session
+
+
+def _first_line(error: Exception) -> str:
+    # Zenoh adds the places in its own source
+    return str(error).splitlines()[0].partition(" at /")[0]
 
 
 class ZenohBus:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import pairwise
@@ -183,6 +184,8 @@ class Train:
             return recorded
         profile = Profile([(corner[0], corner[1]) for corner in motion.profile], motion.start_m)
         end_s = profile.reaches(self.line.length_m - 50.0)
+        if until_s is None and math.isinf(end_s):
+            raise ConfigError(self.path, "world.motion.profile", "never reaches the line's end; give a duration")
         return WhiteJerkMotion(
             profile, min(end_s, until_s or end_s), motion.jerk_psd_m2ps5, motion.driver_time_s, motion.start_std, world.seed
         )
@@ -201,6 +204,8 @@ def load_train(path: Path, change: Mapping[str, Any] | None = None) -> Train:
         if options.filter is not None and options.filter not in FILTERS:
             raise ConfigError(path, f"units.{unit}.filter", f"{options.filter!r} is none of {', '.join(FILTERS)}")
         _check_recording(path, unit, options)
+        if file.world is None and options.source == "recording":
+            raise ConfigError(path, "world", f"needed to replay the recording of {unit}: it owns the time")
         sensors[unit] = kind(unit, options, line)
     train = Train(path, file, line, sensors)
     unknown = [unit for unit in file.fusion.shares if unit not in train.fused_units]
@@ -233,4 +238,9 @@ def load_scenario(path: Path, seed: int | None = None, rule: str | None = None) 
     change = merged(scenario.change, {"world": {"seed": scenario.seed if seed is None else seed}})
     if rule is not None:
         change = merged(change, {"fusion": {"rule": rule}})
-    return scenario, load_train(scenario.train, change)
+    try:
+        return scenario, load_train(scenario.train, change)
+    except ConfigError as error:
+        # if the train is sound by itself, it is the change that is not
+        load_train(scenario.train)
+        raise ConfigError(path, "change", str(error)) from error

@@ -24,6 +24,7 @@ from .clock import Clock
 from .config import Train
 from .roles import NS, ROLES, Setting, process_name, processes
 from .runner import Runner
+from .yaml_files import ConfigError
 
 log = logging.getLogger("milepost")
 # a process that comes later than this into a running simulation was started again
@@ -144,6 +145,9 @@ def run_router(listen: list[str], config_file: Path | None, parent: int | None =
 def _router_file(path: Path) -> dict[str, Any]:
     import zenoh
 
-    loaded = zenoh.Config.from_file(str(path))
+    try:
+        loaded = zenoh.Config.from_file(str(path))
+    except zenoh.ZError as error:
+        raise ConfigError(path, "", str(error).splitlines()[0]) from error
     out: dict[str, Any] = json.loads(str(loaded))
     return out

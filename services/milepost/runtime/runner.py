@@ -10,7 +10,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from milepost.nodes.base import Node, Output
-from milepost_schemas import Health, Refused, encode
+from milepost_schemas import Health, Refused, encode, rpc_key
 
 from .bus import AliveChange, Question, Received, Stop, ZenohBus, open_message
 from .clock import Clock
@@ -73,7 +73,7 @@ class Runner:
             (instances.add if item.alive else instances.discard)(item.instance)
             self._node.unit_alive(item.unit, bool(instances))
         else:
-            self._answer(item)
+            self._answer(item, now_ns)
 
     def _step(self, received: Received, now_ns: int) -> None:
         try:
@@ -84,13 +84,17 @@ class Runner:
         self._meter.received(received.stream.name, message, now_ns)
         self._send(self._node.step(message, now_ns))
 
-    def _answer(self, question: Question) -> None:
+    def _answer(self, question: Question, now_ns: int) -> None:
+        # a node that sleeps between readings has not looked at the newest yet
+        for newest in self._bus.newest():
+            self._step(newest, now_ns)
         with question.query as query:
             answer = self._node.answer(question.procedure)
             if answer is None:
                 query.reply_err(b"nothing to say yet")
             else:
-                query.reply(query.key_expr, encode(answer))
+                # each on its own key: of several replies on one key Zenoh keeps one
+                query.reply(rpc_key(self._bus.train, question.procedure, self._name), encode(answer))
 
     def _send(self, outputs: Iterable[Output]) -> None:
         for stream, unit, message in outputs:

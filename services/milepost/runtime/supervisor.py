@@ -18,6 +18,8 @@ from .roles import ROLES, processes
 
 log = logging.getLogger("milepost")
 RESTART_AFTER_S = 0.5
+LONGEST_WAIT_S = 8.0
+CONFIGURATION_ERROR = 2
 KILL_AFTER_S = 3.0
 
 
@@ -66,10 +68,15 @@ class Supervisor:
         said = []
         for child in self.children:
             code = child.process.poll()
-            if code is None or code == 0 or not child.restart:
+            # with exit code 2 it would end the same way again; after the scenario's end it would wait for ever
+            if code is None or code == 0 or not child.restart or self._scenario_over():
                 continue
-            if child.again_at is None:
-                child.again_at = time.monotonic() + RESTART_AFTER_S
+            if code == CONFIGURATION_ERROR:
+                child.restart = False
+                said.append(f"{child.name} cannot run: see its line above")
+            elif child.again_at is None:
+                wait_s = min(RESTART_AFTER_S * 2**child.restarts, LONGEST_WAIT_S)
+                child.again_at = time.monotonic() + wait_s
                 said.append(f"{child.name} ended with {_why(code)}")
             elif time.monotonic() >= child.again_at:
                 child.again_at = None
@@ -77,6 +84,9 @@ class Supervisor:
                 child.process = self._spawn(child.command)
                 said.append(f"{child.name} started again")
         return said
+
+    def _scenario_over(self) -> bool:
+        return any(child.name == "world" and child.process.poll() == 0 for child in self.children)
 
     def stop(self) -> None:
         """SIGTERM to all but the router, which goes last; SIGKILL to what is still there after three seconds."""

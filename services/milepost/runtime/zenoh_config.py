@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+# the priorities that rows of the stream table use, in Zenoh's names for their queues
+QUEUES = ("real_time", "interactive_high", "data", "background")
 DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
 
 
@@ -18,7 +20,7 @@ def _base() -> dict[str, Any]:
                     "lease": 1000,
                     "keep_alive": 4,
                     # the default queue of 2 loses samples at 1 kHz after a stall
-                    "queue": {"size": {"data_high": 16}, "congestion_control": {"drop": {"wait_before_drop": 20000}}},
+                    "queue": {"size": dict.fromkeys(QUEUES, 16), "congestion_control": {"drop": {"wait_before_drop": 20000}}},
                 }
             },
             "shared_memory": {"enabled": False},

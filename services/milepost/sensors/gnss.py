@@ -49,7 +49,7 @@ class Gnss(Sensor[GnssOptions]):
         if std is None or self.line.track is None:
             return ()
         seen = self.line.track.project(reading.latitude_deg, reading.longitude_deg)
-        if seen.cross_track_m > self.options.cross_track_limit_m:
+        if not seen.cross_track_m <= self.options.cross_track_limit_m:
             return ()
         return (Observed((1.0, 0.0, 0.0), seen.position_m, std * std),)
 
