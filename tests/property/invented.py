@@ -76,9 +76,11 @@ def layout_of(units: dict[str, Sensor]) -> Layout:
     return Layout(tuple((name, sensor.private_states) for name, sensor in units.items() if sensor.private_states))
 
 
-def fuser_of(units: dict[str, Sensor], rule: str = "information", horizon_ns: int = HORIZON_NS) -> FuserNode:
+def fuser_of(
+    units: dict[str, Sensor], rule: str = "information", horizon_ns: int = HORIZON_NS, period_ns: int | None = None
+) -> FuserNode:
     """A fuser for these units and a balise reader behind them."""
-    rows = [UnitRow(name, i, None, True) for i, name in enumerate(units)] + [UnitRow("reader", len(units), None, False)]
+    rows = [UnitRow(name, i, period_ns, True) for i, name in enumerate(units)] + [UnitRow("reader", len(units), None, False)]
     shares = {name: 1.0 / len(units) for name in units}
     layout = layout_of(units)
     settings = FuserSettings(rule, 20_000_000, 15_000_000, horizon_ns, True, shares, 5.0, 1e6, Q, PRIOR, layout, rows)

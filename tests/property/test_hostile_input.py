@@ -43,6 +43,19 @@ def test_a_fuser_that_was_away_for_an_hour_is_unsure_not_wrong():
     assert last.position_min_m < 5000.0 + 20.0 * 3600.0 < last.position_max_m
 
 
+def test_the_first_states_after_a_restart_say_what_they_await():
+    """GIVEN a periodic unit, WHEN a fuser continues before any estimate has reached it, THEN its states say so."""
+    units = sensors(Plain)
+    readings, _ = drive(1, units, 1.0, 50.0)
+    outputs = run(units, readings, fuser_of(units), {"plain": filter_of(units, "plain")})
+    feedback = [o.message for o in outputs if o.stream == "feedback"][-1]
+    fuser = fuser_of(units, period_ns=20_000_000)
+    assert fuser.catch_up(feedback, feedback.measured_at_ns)
+    assert states(fuser.tick(feedback.measured_at_ns + 20_000_000)) == []
+    first = states(fuser.tick(feedback.measured_at_ns + 36_000_000))
+    assert [s.awaiting for s in first] == [["plain"]]
+
+
 def test_feedback_from_the_future_is_not_continued_from():
     units = sensors(Plain)
     readings, _ = drive(1, units, 1.0, 50.0)

@@ -5,27 +5,42 @@ from __future__ import annotations
 import json
 import signal
 import threading
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from milepost_schemas import FusedState, Message, Truth
+from milepost_schemas import BalisePassed, FusedState, Message, Truth
 
 from .listening import listening
 
 GAP_MS = 60.0
-WARM_UP_S = 1.0
+
+
+class Seen(NamedTuple):
+    """What a report needs of a state: an hour of whole ones would be a gigabyte."""
+
+    epoch: int
+    measured_at_ns: int
+    status: str
+    position_m: float
+    position_min_m: float
+    position_max_m: float
+    speed_mps: float
+    speed_min_mps: float
+    speed_max_mps: float
+    last_balise: BalisePassed | None
 
 
 def run_observe(connect: list[str], train: str, report: Path, stalls: Path) -> None:
     """Listen until stopped, then write the report."""
-    states: list[tuple[FusedState, int]] = []
+    states: list[tuple[Seen, int]] = []
     truths: dict[int, Truth] = {}
 
     def receive(_: str, message: Message, now_ns: int) -> None:
         if isinstance(message, FusedState):
-            states.append((message, now_ns))
+            states.append((Seen(*(getattr(message, name) for name in Seen._fields)), now_ns))
         elif isinstance(message, Truth):
             truths[message.measured_at_ns] = message
 
@@ -44,7 +59,9 @@ def _read_stalls(path: Path) -> list[dict[str, float]]:
     return [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines() if line]
 
 
-def summarise(states: list[tuple[FusedState, int]], truths: dict[int, Truth], stalls: list[dict[str, float]]) -> dict[str, Any]:
+def summarise(
+    states: Sequence[tuple[Seen | FusedState, int]], truths: dict[int, Truth], stalls: list[dict[str, float]]
+) -> dict[str, Any]:
     """Rate and gaps as received; errors against the truth after the first balise; whether the interval held it."""
     if len(states) < 2:
         return {"states": len(states), "error": "fewer than two states were received"}
@@ -75,7 +92,7 @@ def _explained(before_ns: int, after_ns: int, stalls: list[dict[str, float]]) ->
     return {"at_ns": int(before_ns), "gap_ms": float(after_ns - before_ns) / 1e6, "stall_ms": sum(overlapping)}
 
 
-def _ages(states: list[tuple[FusedState, int]]) -> dict[str, float] | None:
+def _ages(states: Sequence[tuple[Seen | FusedState, int]]) -> dict[str, float] | None:
     """From an epoch to the receipt of its state; None where scenario time runs at another speed than the receiver's clock."""
     ages = [(at - state.measured_at_ns) / 1e6 for state, at in states]
     return _spread(ages) if min(ages) >= 0.0 else None
@@ -85,7 +102,7 @@ def _spread(values: list[float]) -> dict[str, float]:
     return {"p50": float(np.median(values)), "p99": float(np.percentile(values, 99)), "max": float(max(values))}
 
 
-def _against_truth(states: list[FusedState], truths: dict[int, Truth]) -> dict[str, Any] | None:
+def _against_truth(states: Sequence[Seen | FusedState], truths: dict[int, Truth]) -> dict[str, Any] | None:
     pairs = [(state, truths[state.measured_at_ns]) for state in states if state.measured_at_ns in truths]
     if not pairs:
         return None

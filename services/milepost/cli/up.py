@@ -30,7 +30,7 @@ def run_up(train_file: Path, duration_s: float | None, speed: float, report: Pat
     """Start everything, show it, end it. Raises ConfigError before anything starts."""
     train = load_train(train_file)
     # every process is built once here: what a recording or a motion spoils shows before anything starts
-    setting = Setting("up", train.world(1.0) if train.file.world is not None else None)
+    setting = Setting("up", train.world(duration_s) if train.file.world is not None else None)
     for process in processes(train):
         ROLES[process.role].build(train, process.unit, setting)
     if report is not None and not report.parent.is_dir():
@@ -49,9 +49,15 @@ def run_up(train_file: Path, duration_s: float | None, speed: float, report: Pat
     signal.signal(signal.SIGTERM, interrupted)
     signal.signal(signal.SIGINT, interrupted)
     table = not headless and sys.stdout.isatty()
-    supervisor = Supervisor(Path(tempfile.gettempdir()) / f"milepost-{os.getpid()}.log" if table else None)
-    stalls = Path(tempfile.mkdtemp(prefix="milepost-")) / "stalls.jsonl"
+    log_file = Path(tempfile.gettempdir()) / f"milepost-{os.getpid()}.log" if table else None
+    supervisor = Supervisor(log_file)
     screen = Screen()
+    if log_file is not None:
+        screen.say(f"what the processes say goes to {log_file}")
+    scratch = tempfile.TemporaryDirectory(prefix="milepost-")
+    stalls = Path(scratch.name) / "stalls.jsonl"
+    if report is not None:
+        report.unlink(missing_ok=True)
     try:
         start_train(supervisor, train, listen, speed, duration_s)
         if report is not None:
@@ -72,6 +78,7 @@ def run_up(train_file: Path, duration_s: float | None, speed: float, report: Pat
         for number in (signal.SIGTERM, signal.SIGINT):
             signal.signal(number, signal.SIG_IGN)
         supervisor.stop()
+        scratch.cleanup()
     return 0 if report is None or report.is_file() else 1
 
 

@@ -82,6 +82,7 @@ class FuserNode(Node):
         self._rule.start_from(feedback.measured_at_ns, mean, covariance)
         self._earliest_ns = self._latest_ns = feedback.measured_at_ns
         self._epoch_ns = feedback.measured_at_ns + self._settings.period_ns
+        self._roster.expect_from(feedback.measured_at_ns)
         return True
 
     def unit_alive(self, unit: str, alive: bool) -> None:

@@ -82,14 +82,19 @@ class Roster:
         """Whether every unit with a filter has been heard at least once."""
         return all(unit.times for unit in self._units.values() if unit.row.fused)
 
+    def expect_from(self, at_ns: int) -> None:
+        """After a restart: every unit was there at a time, so its next reading is due."""
+        for unit in self._units.values():
+            unit.arrived_ns = max(unit.arrived_ns, at_ns)
+
     def missing(self, epoch_ns: int) -> list[str]:
         """The units whose reading is due at or before the epoch and has not come; stale ones are excluded instead."""
         out = []
         for name, unit in self._units.items():
             period = unit.row.period_ns
-            if period is None or not unit.times:
+            last = max(unit.times[-1] if unit.times else 0, unit.arrived_ns)
+            if period is None or last == 0:
                 continue
-            last = max(unit.times[-1], unit.arrived_ns)
             if last + period <= epoch_ns and epoch_ns - last <= max(STALE_NS, 3 * period):
                 out.append(name)
         return out
