@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 
-from milepost.nodes.base import Node, Output
+from milepost.nodes.base import Node
 from milepost.nodes.fuser import FuserNode
 from milepost_schemas import FusedState, Message
 
+from .collector import rare_collection
 from .config import Train
 from .memory_bus import MemoryBus, Tap
 from .roles import NS, ROLES, Setting, processes
@@ -58,14 +59,13 @@ def simulate(
     run = OfflineRun(train, nodes, tap, settled)
     end_ns = OFFLINE_START_NS + round(min(duration_s, setting.world.motion.end_s if setting.world else duration_s) * NS)
     done = OFFLINE_START_NS
-    while done <= end_ns:
-        done = min(done + NS, end_ns + 1)
-        run.bus.run_until(done)
-        if progress is not None:
-            progress((done - OFFLINE_START_NS) / NS)
-        if done > end_ns:
-            break
-    run.finish()
+    with rare_collection():
+        while done <= end_ns:
+            done = min(done + NS, end_ns + 1)
+            run.bus.run_until(done)
+            if progress is not None:
+                progress((done - OFFLINE_START_NS) / NS)
+        run.finish()
 
 
 def replay(
@@ -81,11 +81,9 @@ def replay(
     nodes = [ROLES[p.role].build(train, p.unit, setting) for p in processes(train) if p.role in roles]
     run = OfflineRun(train, nodes, tap, settled)
     now_ns = 0
-    for stream, unit, message, received_ns in messages:
-        now_ns = max(now_ns, received_ns)
-        run.bus.run_until(now_ns)
-        run.bus.inject(stream, unit, message, now_ns)
-    run.finish()
-
-
-__all__ = ["OFFLINE_START_NS", "OfflineRun", "Output", "replay", "simulate"]
+    with rare_collection():
+        for stream, unit, message, received_ns in messages:
+            now_ns = max(now_ns, received_ns)
+            run.bus.run_until(now_ns)
+            run.bus.inject(stream, unit, message, now_ns)
+        run.finish()

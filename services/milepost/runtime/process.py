@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gc
 import json
 import logging
 import os
@@ -21,6 +20,7 @@ from milepost_schemas import Feedback, SimulationStart
 from . import scenario_time, zenoh_config
 from .bus import Inbox, Stop, ZenohBus, open_session
 from .clock import Clock
+from .collector import rare_collection
 from .config import Train
 from .roles import NS, ROLES, Setting, process_name, processes
 from .runner import Runner
@@ -29,7 +29,6 @@ from .yaml_files import ConfigError
 log = logging.getLogger("milepost")
 # a process that comes later than this into a running simulation was started again
 LATE_S = 3.0
-COLLECT = (20_000, 20, 20)
 # how long a starting process waits for those that may remember the fused state
 ASK_S = 0.5
 # listeners outlive the end of a simulation by this, to hear its last messages
@@ -95,11 +94,8 @@ def run_process(train: Train, role_name: str, unit: str, options: ProcessOptions
         if node.remembers:
             _catch_up(bus, node, clock)
         end_ns = start.end_ns + GRACE_NS if start is not None else None
-        # what is there now stays; messages are freed by reference count, so the collector need not look at each hundred
-        gc.collect()
-        gc.freeze()
-        gc.set_threshold(*COLLECT)
-        Runner(name, node, bus, clock, end_ns, options.parent).run()
+        with rare_collection():
+            Runner(name, node, bus, clock, end_ns, options.parent).run()
         del kept
 
 
