@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from milepost.estimation.gaussian import inflate_common, marginal, replace_common
+from milepost.estimation.gaussian import inflate_common, replace_common
 
 
 def belief(seed: int, n: int) -> tuple[np.ndarray, np.ndarray]:
@@ -49,10 +49,3 @@ def test_replacing_the_common_belief_equals_bayes_rule_for_what_it_adds(seed, n)
 def test_a_share_outside_zero_to_one_is_an_error(share):
     with pytest.raises(ValueError, match="share"):
         inflate_common(np.zeros(3), np.eye(3), share)
-
-
-def test_a_marginal_picks_rows_and_columns():
-    mean, P = belief(0, 5)
-    m, C = marginal(mean, P, (0, 1, 2, 4))
-    np.testing.assert_array_equal(m, mean[[0, 1, 2, 4]])
-    np.testing.assert_array_equal(C, P[np.ix_([0, 1, 2, 4], [0, 1, 2, 4])])

@@ -5,11 +5,13 @@ A local filter holds the common states and its own private block, the fuser hold
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from .gaussian import inflate_common, marginal, replace_common
+import numpy as np
+
+from .gaussian import check_share, inflate_common, replace_common
 from .kalman import ArrayKernel
 from .layout import N_COMMON, Array, Layout
 from .scalar import ScalarKernel
@@ -80,11 +82,6 @@ class Estimator:
         state = self._timeline.state_at(at_ns)
         return None if state is None else self._kernel.lists(state)
 
-    def marginal_at(self, at_ns: int, unit: str) -> tuple[Array, Array] | None:
-        """Mean and covariance over [s, v, a, private states of `unit`] at a time."""
-        state = self.state_at(at_ns)
-        return None if state is None else marginal(*state, self.layout.indices.get(unit, (0, 1, 2)))
-
     def withdraw(self, unit: str, since_ns: int) -> list[Observation]:
         """Take a unit's observations from `since_ns` on out of the result, exactly."""
         return self._timeline.withdraw(unit, since_ns)
@@ -101,7 +98,9 @@ class Estimator:
         """Continue from a belief at a time; what was observed until then is in it."""
         self._timeline.rebase(at_ns, self._kernel.pack(mean, covariance))
 
-    def accept_feedback(self, at_ns: int, mean: Array, covariance: Array, share: float) -> bool:
+    def accept_feedback(
+        self, at_ns: int, mean: Sequence[float] | Array, covariance: Sequence[Sequence[float]] | Array, share: float
+    ) -> bool:
         """Take the fused marginal at its epoch: rewind to it, divide the common block by β, replay.
 
         mean (n), covariance (n, n) over [s, v, a, own private]; or over [s, v, a] alone, from a rule that does not fuse
@@ -117,8 +116,9 @@ class Estimator:
             self._timeline.kernel = kernel_for(self.layout, self._jerk_psd / share)
         if len(mean) < self.layout.dimension:
             before = self.state_at(at_ns) or self.layout.prior(self._prior.mean, self._prior.std)
-            mean, covariance = replace_common(*before, mean, covariance)
-        self.start_from(at_ns, mean, inflate_common(mean, covariance, share))
+            mean, covariance = replace_common(*before, np.array(mean), np.array(covariance))
+        check_share(share)
+        self._timeline.rebase(at_ns, self._kernel.shared(mean, covariance, share))
         return True
 
     @property

@@ -1,4 +1,4 @@
-"""Beliefs as means and covariances: marginals, and a common block replaced while the private states follow."""
+"""Beliefs as means and covariances: a common block replaced or divided while the private states follow."""
 
 from __future__ import annotations
 
@@ -7,12 +7,10 @@ import numpy as np
 from .layout import N_COMMON, Array
 
 
-def marginal(mean: Array, covariance: Array, places: tuple[int, ...]) -> tuple[Array, Array]:
-    """The marginal over the states at `places`, increasing: mean (m), covariance (m, m)."""
-    if len(places) == len(mean):
-        return mean, covariance
-    index = list(places)
-    return mean[index], covariance[np.ix_(index, index)]
+def check_share(share: float) -> None:
+    """Raises ValueError for a share β outside (0, 1]."""
+    if not 0.0 < share <= 1.0:
+        raise ValueError(f"a share must lie in (0, 1], not {share}")
 
 
 def replace_common(mean: Array, covariance: Array, common_mean: Array, common_covariance: Array) -> tuple[Array, Array]:
@@ -38,6 +36,5 @@ def inflate_common(mean: Array, covariance: Array, share: float) -> Array:
     Without private states it is the sources' P_i = P_g/β_i. mean (n), covariance (n, n), share in (0, 1].
     Raises ValueError for any other share. Source: A (15)-(16).
     """
-    if not 0.0 < share <= 1.0:
-        raise ValueError(f"a share must lie in (0, 1], not {share}")
+    check_share(share)
     return replace_common(mean, covariance, mean[:N_COMMON], covariance[:N_COMMON, :N_COMMON] / share)[1]

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from .gaussian import inflate_common
 from .layout import Array, Layout
 from .motion import full_process_noise, full_transition
 
@@ -42,6 +44,13 @@ class ArrayKernel:
     def pack(self, mean: Array, covariance: Array) -> tuple[Array, Array]:
         """A belief in the kernel's own form."""
         return np.array(mean, dtype=float), np.array(covariance, dtype=float)
+
+    def shared(
+        self, mean: Sequence[float] | Array, covariance: Sequence[Sequence[float]] | Array, share: float
+    ) -> tuple[Array, Array]:
+        """A belief with its common block divided by the share β, the private states following."""
+        x, P = np.array(mean, dtype=float), np.array(covariance, dtype=float)
+        return x, inflate_common(x, P, share)
 
     def unpack(self, state: tuple[Array, Array]) -> tuple[Array, Array]:
         """The mean (n) and covariance (n, n) of a belief."""

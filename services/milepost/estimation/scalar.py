@@ -6,6 +6,7 @@ faster than it, because numpy's cost per call dwarfs nine numbers.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,6 +26,12 @@ class ScalarKernel:
         """A belief in the kernel's own form."""
         m, p = np.asarray(mean, dtype=float).tolist(), np.asarray(covariance, dtype=float).tolist()
         return (m[0], m[1], m[2], p[0][0], p[0][1], p[0][2], p[1][1], p[1][2], p[2][2])
+
+    def shared(self, mean: Sequence[float] | Array, covariance: Sequence[Sequence[float]] | Array, share: float) -> Scalars:
+        """A belief with its covariance divided by the share β; from lists as they stand in messages, or arrays."""
+        (p00, p01, p02), (_, p11, p12), (_, _, p22) = covariance
+        s, v, a = mean
+        return (s, v, a, p00 / share, p01 / share, p02 / share, p11 / share, p12 / share, p22 / share)
 
     def unpack(self, state: Scalars) -> tuple[Array, Array]:
         """The mean (3) and covariance (3, 3) of a belief."""

@@ -5,10 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
-import numpy as np
-
 from milepost.estimation.filters import KalmanFilter
-from milepost.estimation.gaussian import marginal
 from milepost.estimation.layout import N_COMMON
 from milepost.estimation.timeline import FUTURE_NS, Observation
 from milepost.sensors.base import Sensor
@@ -114,8 +111,9 @@ class FilterNode(Node):
         if not set(names) <= set(states):
             yield from self.refuse("other_layout", f"feedback lacks one of {', '.join(names)}", now_ns)
             return
-        places = tuple(states.index(name) for name in names)
-        mean, covariance = marginal(np.array(feedback.fused.mean), np.array(feedback.fused.covariance), places)
+        places = [states.index(name) for name in names]
+        mean = [feedback.fused.mean[i] for i in places]
+        covariance = [[feedback.fused.covariance[i][k] for k in places] for i in places]
         if self._estimator.accept_feedback(epoch, mean, covariance, share):
             self._feedback = feedback
             self._latest_ns = max(self._latest_ns, epoch)
