@@ -39,7 +39,7 @@ class SensorNode(Node):
         while self._next_ns is not None and self._next_ns <= now_ns:
             measured = self._source.read()
             self._next_ns = self._ready_ns()
-            if measured is None or any(a <= measured.measured_s < b for a, b in self._withheld):
+            if measured is None or (self._withheld and any(a <= measured.measured_s < b for a, b in self._withheld)):
                 continue
             at = self._start_ns + round(measured.measured_s * NS)
             out.append(Output(self._stream, self.unit, self._message(**self.head(self._stream, at, now_ns), **measured.fields)))

@@ -20,22 +20,33 @@ class MemoryBus:
         self._before_step = before_step
         self._routes: dict[tuple[str, str], list[Node]] = {}
         self._queue: deque[Output] = deque()
+        self._due: dict[Node, int] = {}
 
     def run_until(self, until_ns: int) -> int | None:
         """Do all ticks before `until_ns`; returns when the next one would be, None if no node wants one."""
-        nodes = self._nodes
-        while True:
-            due_ns, due = None, None
-            for node in nodes:
-                at = node.next_tick_ns()
-                if at is not None and (due_ns is None or at < due_ns):
-                    due_ns, due = at, node
-            if due_ns is None or due is None or due_ns >= until_ns:
+        due = self._due
+        # somebody outside may have spoken to a node since the last time
+        for node in self._nodes:
+            self._ask(node)
+        while due:
+            node = min(due, key=due.__getitem__)
+            due_ns = due[node]
+            if due_ns >= until_ns:
                 return due_ns
             if self._before_step is not None:
                 self._before_step(due_ns)
-            self._queue.extend(due.tick(due_ns))
+            self._queue.extend(node.tick(due_ns))
+            self._ask(node)
             self._deliver(due_ns)
+        return None
+
+    def _ask(self, node: Node) -> None:
+        """Note when a node wants its next tick; only its own steps and ticks change that."""
+        at = node.next_tick_ns()
+        if at is None:
+            self._due.pop(node, None)
+        else:
+            self._due[node] = at
 
     def inject(self, stream: str, unit: str, message: Message, now_ns: int) -> None:
         """A message from outside, received at `now_ns`."""
@@ -56,6 +67,7 @@ class MemoryBus:
                 listeners = routes[where] = [n for n in self._nodes if _wants(n, *where)]
             for node in listeners:
                 queue.extend(node.step(output.message, now_ns))
+                self._ask(node)
 
 
 def _wants(node: Node, stream: str, unit: str) -> bool:
