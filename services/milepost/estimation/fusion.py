@@ -13,7 +13,7 @@ from .federated import fuse
 from .kalman import update
 from .layout import COMMON, Array, Layout
 from .motion import transition
-from .timeline import FUTURE_NS, NS, Counters, Observation
+from .timeline import NS, Counters, Observation, untimely
 
 # forgetting costs the length of a list, so it is done for some at once
 FORGET_AT_LEAST = 64
@@ -113,9 +113,7 @@ class FederatedFusion:
         return [None] * len(observations)
 
     def _untimely(self, at_ns: int, now_ns: int) -> str | None:
-        if at_ns < now_ns - self._horizon_ns:
-            return "too_old"
-        return "from_future" if at_ns > now_ns + FUTURE_NS else None
+        return untimely(at_ns, now_ns - self._horizon_ns, now_ns)
 
     def take_fix(self, fix: Observation, now_ns: int) -> str | None:
         """Keep the fix for the next epoch."""

@@ -37,6 +37,13 @@ class Observation(NamedTuple):
     variance: float
 
 
+def untimely(at_ns: int, boundary_ns: int, now_ns: int) -> str | None:
+    """The reason for which something measured at `at_ns` is refused: before the boundary, or too far ahead of now."""
+    if at_ns < boundary_ns:
+        return "too_old"
+    return "from_future" if at_ns > now_ns + FUTURE_NS else None
+
+
 class Kernel(Protocol):
     """The mathematics that a timeline runs: states are opaque to it."""
 
@@ -118,9 +125,7 @@ class Timeline:
     def untimely(self, at_ns: int, now_ns: int) -> str | None:
         """The reason for which something of this time would be refused."""
         self._move_boundary(now_ns)
-        if at_ns < self._boundary_ns:
-            return "too_old"
-        return "from_future" if at_ns > now_ns + FUTURE_NS else None
+        return untimely(at_ns, self._boundary_ns, now_ns)
 
     def _place(self, observation: Observation) -> None:
         key = observation[:5]

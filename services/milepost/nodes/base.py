@@ -108,3 +108,7 @@ class Node:
         """Count a message that does not count, and say so the first time."""
         if self.refusals.add(reason):
             yield self.event("warning", f"refused_{reason}", text, now_ns)
+
+    def refuse_reading(self, unit: str, sequence: int, instance: str, reason: str, now_ns: int) -> Iterable[Output]:
+        """The same for a reading, by whose sensor and number a person finds it."""
+        return self.refuse(reason, f"{unit}: reading {sequence} of {instance}: {reason}", now_ns)

@@ -63,16 +63,14 @@ class FilterNode(Node):
         estimator.advance_to(now_ns)
         reason = estimator.timeline.untimely(reading.measured_at_ns, now_ns)
         if reason is not None:
-            text = f"{self.unit}: reading {reading.sequence} of {reading.instance}: {reason}"
-            yield from self.refuse(reason, text, now_ns)
+            yield from self.refuse_reading(self.unit, reading.sequence, reading.instance, reason, now_ns)
             return
         belief = estimator.state_at(reading.measured_at_ns) if estimator.layout.private else None
         observed = self._sensor.observe(reading, None if belief is None else belief[0])
         offered = of_reading(reading, self._order, observed)
         counted, refused = self._filter.take(offered, now_ns)
         for reason in refused:
-            text = f"{self.unit}: reading {reading.sequence} of {reading.instance}: {reason}"
-            yield from self.refuse(reason, text, now_ns)
+            yield from self.refuse_reading(self.unit, reading.sequence, reading.instance, reason, now_ns)
         if offered and not counted:
             return
         self._latest_ns = max(self._latest_ns, reading.measured_at_ns)

@@ -145,8 +145,7 @@ class FuserNode(Node):
 
     def _noted(self, observation: Observation, reason: str | None, now_ns: int) -> Iterable[Output]:
         if reason is not None:
-            text = f"{observation.unit}: reading {observation.sequence} of {observation.instance}: {reason}"
-            yield from self.refuse(reason, text, now_ns)
+            yield from self.refuse_reading(observation.unit, observation.sequence, observation.instance, reason, now_ns)
             return
         at = observation.measured_at_ns
         self._roster.saw(observation.unit, at, now_ns)

@@ -65,8 +65,7 @@ class Runner:
 
     def _take(self, item: Received | AliveChange | Question, now_ns: int) -> None:
         if isinstance(item, Received):
-            for newest in self._bus.newest():
-                self._step(newest, now_ns)
+            self._read_newest(now_ns)
             self._step(item, now_ns)
         elif isinstance(item, AliveChange):
             instances = self._instances.setdefault(item.unit, set())
@@ -74,6 +73,10 @@ class Runner:
             self._node.unit_alive(item.unit, bool(instances))
         else:
             self._answer(item, now_ns)
+
+    def _read_newest(self, now_ns: int) -> None:
+        for newest in self._bus.newest():
+            self._step(newest, now_ns)
 
     def _step(self, received: Received, now_ns: int) -> None:
         try:
@@ -86,8 +89,7 @@ class Runner:
 
     def _answer(self, question: Question, now_ns: int) -> None:
         # a node that sleeps between readings has not looked at the newest yet
-        for newest in self._bus.newest():
-            self._step(newest, now_ns)
+        self._read_newest(now_ns)
         with question.query as query:
             answer = self._node.answer(question.procedure)
             if answer is None:
