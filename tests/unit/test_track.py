@@ -133,3 +133,38 @@ def test_the_hash_changes_with_the_last_digit_of_the_content() -> None:
         {**content, "points": None},
     ]
     assert len({line_of(content).content_hash, *(line_of(other).content_hash for other in others)}) == 6
+
+
+def arc(start: Point, radius_m: float, side: float, step_m: float, count: int) -> list[Point]:
+    """Points on a circle, `side` +1 to the right, that leaves the start northwards: chords of equal length."""
+    turn = math.degrees(2.0 * math.asin(step_m / (2.0 * radius_m)))
+    return walk(start, [(side * turn * (i + 0.5), step_m) for i in range(count)])
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+@pytest.mark.parametrize(("radius_m", "step_m"), [(800.0, 17.0), (1500.0, 25.0), (300.0, 4.0)])
+def test_a_circle_has_its_curvature_and_turns_by_its_length_over_its_radius(
+    side: float, radius_m: float, step_m: float
+) -> None:
+    """Positive to the right. A geodesic's own turning against north (tan φ sin ψ / 6371 km) is far below the tolerance."""
+    line = Track(arc((4.5, 0.3), radius_m, side, step_m, 60))
+    for part in (0.2, 0.5, 0.77):
+        position = part * line.length_m
+        assert line.curvature(position) == pytest.approx(side / radius_m, rel=2e-3)
+        expected = side * math.degrees(position / radius_m) % 360.0
+        assert line.heading_deg(position) == pytest.approx(expected, abs=0.02)
+
+
+def test_a_heading_passes_through_north_without_a_jump_in_curvature() -> None:
+    line = Track(walk((4.5, 50.9), [(-10.0 + i, 20.0) for i in range(20)]))
+    curvature = [line.curvature(float(s)) for s in range(50, 350, 10)]
+    assert curvature == pytest.approx([math.radians(1.0) / 20.0] * len(curvature), rel=0.01)
+    headings = [line.heading_deg(10.0 + 20.0 * i) for i in range(2, 18)]
+    assert headings == pytest.approx([(-10.0 + i) % 360.0 for i in range(2, 18)], abs=0.02)
+
+
+def test_a_straight_track_shorter_than_the_smoothing_has_a_heading_and_no_curvature() -> None:
+    line = Track(walk((4.5, 50.9), [(123.0, 4.0), (123.0, 5.0)]))
+    for position in (-5.0, 0.0, 4.5, 9.0, 20.0):
+        assert line.heading_deg(position) == pytest.approx(123.0, abs=1e-3)
+        assert line.curvature(position) == pytest.approx(0.0, abs=1e-7)

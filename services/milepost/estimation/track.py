@@ -12,8 +12,12 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 STEP_M = 100.0
+# headings are means over ± this: longer than the points of a line lie apart, shorter than the transition to a curve
+SMOOTH_M = 15
+HEADING_STEP_M = 5
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +55,7 @@ class Track:
         lat = np.array([p[1] for p in points], dtype=float)
         if len(points) < 2:
             raise ValueError("a track needs at least two points")
-        _, _, lengths = pyproj.Geod(ellps="WGS84").inv(lon[:-1], lat[:-1], lon[1:], lat[1:])
+        forth, back, lengths = pyproj.Geod(ellps="WGS84").inv(lon[:-1], lat[:-1], lon[1:], lat[1:])
         if not np.all(np.asarray(lengths) > 0.0):
             raise ValueError("two neighbouring points of the track are the same")
         plane = f"+proj=tmerc +ellps=WGS84 +lat_0={lat.mean()} +lon_0={lon.mean()}"
@@ -62,6 +66,9 @@ class Track:
         self._chainage = np.concatenate([[0.0], np.cumsum(lengths)])
         self._on_plane = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(x), np.diff(y)))])
         self.length_m = float(self._chainage[-1])
+        # a geodesic's azimuth changes along it: at its middle it is half-way between those at its ends
+        at_middle = np.radians(forth) + 0.5 * np.angle(np.exp(1j * (np.radians(back) + np.pi - np.radians(forth))))
+        self._headings = _smooth_headings(self._chainage, np.unwrap(at_middle))
         # degrees between two points are not on the straight line between them: short steps keep that below 0.1 mm
         steps = [np.linspace(a, b, max(2, int((b - a) / STEP_M) + 2))[:-1] for a, b in pairwise(self._on_plane)]
         along = np.concatenate([*steps, self._on_plane[-1:]])
@@ -89,10 +96,41 @@ class Track:
         lat, lon = self._lat, self._lon
         return lat[i] + part * (lat[i + 1] - lat[i]), lon[i] + part * (lon[i + 1] - lon[i])
 
+    def heading_deg(self, position_m: float) -> float:
+        """The track's heading in the direction of chainage, clockwise from north, in [0, 360)."""
+        return math.degrees(self._heading(position_m)) % 360.0
+
+    def curvature(self, position_m: float) -> float:
+        """The curvature dψ/ds in 1/m, positive to the right: a central difference of the smooth heading ψ over ±15 m."""
+        from_m = min(max(position_m - SMOOTH_M, 0.0), max(self.length_m - 2.0 * SMOOTH_M, 0.0))
+        to_m = min(from_m + 2.0 * SMOOTH_M, self.length_m)
+        return (self._heading(to_m) - self._heading(from_m)) / (to_m - from_m)
+
+    def _heading(self, position_m: float) -> float:
+        """The smooth heading in radians, not wrapped."""
+        headings = self._headings
+        place = min(max(position_m, 0.0), self.length_m) / HEADING_STEP_M
+        i = min(int(place), len(headings) - 2)
+        return headings[i] + (place - i) * (headings[i + 1] - headings[i])
+
+
+def _smooth_headings(chainage: NDArray[np.float64], headings: NDArray[np.float64]) -> list[float]:
+    """Headings every 5 m, as means over ±15 m of what is linear between the legs' middles. chainage (n), headings (n-1)."""
+    middles = 0.5 * (chainage[1:] + chainage[:-1])
+    last = HEADING_STEP_M * math.ceil(chainage[-1] / HEADING_STEP_M)
+    along = np.arange(-SMOOTH_M, last + SMOOTH_M + 1, 1.0)
+    window = np.full(2 * SMOOTH_M + 1, 1.0 / (2 * SMOOTH_M + 1))
+    smooth: list[float] = np.convolve(np.interp(along, middles, headings), window, mode="valid")[::HEADING_STEP_M].tolist()
+    return smooth
+
 
 @dataclass(frozen=True)
 class Line:
-    """What is known of the line: name, length, balises in order of chainage, map accuracy and perhaps geometry."""
+    """What is known of the line: name, length, balises in order of chainage, map accuracy, perhaps geometry and profile.
+
+    `gradient`: (position_m, slope) in order of position, slope in metres of rise per metre, linear between them.
+    `tunnels`: (from_m, to_m), in order, apart from each other.
+    """
 
     name: str
     length_m: float
@@ -100,9 +138,31 @@ class Line:
     map_accuracy_m: float = 0.0
     track: Track | None = None
     content: dict[str, Any] = field(default_factory=dict, repr=False)
+    gradient: tuple[tuple[float, float], ...] = ()
+    tunnels: tuple[tuple[float, float], ...] = ()
+
+    def slope_at(self, position_m: float) -> float:
+        """Rise per metre of travel towards higher chainage; level where no gradient is known, held beyond the ends."""
+        gradient = self.gradient
+        if not gradient:
+            return 0.0
+        i = bisect_right(gradient, position_m, key=_position)
+        if i == 0 or i == len(gradient):
+            return gradient[min(i, len(gradient) - 1)][1]
+        (from_m, from_slope), (to_m, to_slope) = gradient[i - 1], gradient[i]
+        return from_slope + (position_m - from_m) / (to_m - from_m) * (to_slope - from_slope)
+
+    def in_tunnel(self, position_m: float) -> bool:
+        """Whether the sky is hidden at a position: in [from, to) of a tunnel."""
+        i = bisect_right(self.tunnels, position_m, key=_position)
+        return i > 0 and position_m < self.tunnels[i - 1][1]
 
     @property
     def content_hash(self) -> str:
         """The first 16 hex digits of the SHA-256 of the line's content: tells whether two processes mean the same line."""
         text = json.dumps(self.content, sort_keys=True, separators=(",", ":"))
         return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def _position(row: tuple[float, float]) -> float:
+    return row[0]

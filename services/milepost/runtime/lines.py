@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-import json
+import math
 from pathlib import Path
 from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag
 
 from milepost.estimation.track import Balise, Line, Track
-from milepost.sensors.base import DataPath
+from milepost.sensors.base import DataPath, Span
 from milepost_schemas.message import Name
 
+from .geometry import ecef_points, geojson_points
 from .yaml_files import ConfigError, read_yaml, validate
 
 Metres = Annotated[float, Field(ge=0.0, le=1e7)]
@@ -43,37 +44,57 @@ Balises = Annotated[
 ]
 
 
+# steeper than this is no railway but a mistake in the unit
+STEEPEST_PERMILLE = 100.0
+GradientRow = Annotated[list[float], Field(min_length=2, max_length=2)]
+
+
 class LineFile(BaseModel):
-    """`length_m` is needed where there is no geometry; `geojson` is a LineString feature in the direction of chainage."""
+    """`length_m` is needed where there is no geometry.
+
+    Geometry: `geojson`, a LineString feature in the direction of chainage, or `path_csv`, a recorded path with the columns
+    `ecef_x_m`, `ecef_y_m`, `ecef_z_m`. Profile: `gradient`, rows [position_m, permille], positive uphill, linear between
+    them and held beyond the ends; `tunnels`, spans [from_m, to_m].
+    """
 
     model_config = STRICT
     line: Name
     length_m: Annotated[float, Field(gt=0.0, le=1e7)] | None = None
     map_accuracy_m: Metres = 0.0
     geojson: DataPath | None = None
+    path_csv: DataPath | None = None
     balises: Balises = Field(default_factory=list)
+    gradient: list[GradientRow] = Field(default_factory=list)
+    tunnels: list[Span] = Field(default_factory=list)
 
 
 def load_line(path: Path) -> Line:
     """A line from its file. Raises ConfigError."""
     file = validate(path, read_yaml(path), LineFile)
-    points = _points(path, file.geojson) if file.geojson else None
+    points = _points(path, file)
     try:
         track = Track(points) if points is not None else None
     except ValueError as error:
-        raise ConfigError(path, "geojson", f"{file.geojson}: {error}") from error
+        field = "geojson" if file.geojson else "path_csv"
+        raise ConfigError(path, field, f"{file.geojson or file.path_csv}: {error}") from error
     length = file.length_m if file.length_m is not None else track.length_m if track else None
     if length is None:
         raise ConfigError(path, "length_m", "needed where there is no geojson")
     balises = _balises(path, file, length)
-    content = {
+    gradient, tunnels = _gradient(path, file, length), _tunnels(path, file, length)
+    content: dict[str, Any] = {
         "line": file.line,
         "length_m": length,
         "points": points,
         "map_accuracy_m": file.map_accuracy_m,
         "balises": [[b.balise_id, b.position_m, b.location_accuracy_m] for b in balises],
     }
-    return Line(file.line, length, balises, file.map_accuracy_m, track, content)
+    # a line without a profile keeps the hash that it had before there were profiles
+    if gradient:
+        content["gradient"] = gradient
+    if tunnels:
+        content["tunnels"] = tunnels
+    return Line(file.line, length, balises, file.map_accuracy_m, track, content, gradient, tunnels)
 
 
 def _balises(path: Path, file: LineFile, length_m: float) -> tuple[Balise, ...]:
@@ -96,21 +117,35 @@ def _balises(path: Path, file: LineFile, length_m: float) -> tuple[Balise, ...]:
     return tuple(Balise(row.id, row.position_m, row.location_accuracy_m) for row in rows)
 
 
-def _points(path: Path, geojson: Path) -> list[tuple[float, float]]:
-    try:
-        content: Any = json.loads(geojson.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise ConfigError(path, "geojson", f"{geojson}: {error.strerror}") from error
-    except ValueError as error:
-        raise ConfigError(path, "geojson", f"{geojson}: not JSON: {error}") from error
-    try:
-        geometry = content.get("geometry", content)
-        if geometry["type"] != "LineString":
-            raise ConfigError(path, "geojson", f"{geojson}: a LineString is needed, not {geometry['type']}")
-        points = [(float(p[0]), float(p[1])) for p in geometry["coordinates"]]
-    except (KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
-        raise ConfigError(path, "geojson", f"{geojson}: not a GeoJSON LineString") from error
-    for number, (longitude, latitude) in enumerate(points, start=1):
-        if not (-180.0 <= longitude <= 180.0 and -90.0 <= latitude <= 90.0):
-            raise ConfigError(path, "geojson", f"{geojson}: point {number} is not a longitude and a latitude in degrees")
-    return points
+def _points(path: Path, file: LineFile) -> list[tuple[float, float]] | None:
+    if file.geojson and file.path_csv:
+        raise ConfigError(path, "path_csv", "a line has one geometry: there is a geojson too")
+    if file.geojson:
+        return geojson_points(path, file.geojson)
+    return ecef_points(path, file.path_csv) if file.path_csv else None
+
+
+def _gradient(path: Path, file: LineFile, length_m: float) -> tuple[tuple[float, float], ...]:
+    before = -math.inf
+    for i, (position_m, permille) in enumerate(file.gradient):
+        if position_m <= before:
+            raise ConfigError(path, f"gradient.{i}", "positions must increase")
+        if position_m < 0.0:
+            raise ConfigError(path, f"gradient.{i}", "a position below 0")
+        if abs(permille) >= STEEPEST_PERMILLE:
+            raise ConfigError(path, f"gradient.{i}", f"{permille:g} permille: not less than {STEEPEST_PERMILLE:g} up or down")
+        if position_m > length_m:
+            raise ConfigError(path, f"gradient.{i}", f"beyond the line's {length_m:.1f} m")
+        before = position_m
+    return tuple((position_m, permille / 1000.0) for position_m, permille in file.gradient)
+
+
+def _tunnels(path: Path, file: LineFile, length_m: float) -> tuple[tuple[float, float], ...]:
+    before = 0.0
+    for i, (from_m, to_m) in enumerate(file.tunnels):
+        if from_m < before:
+            raise ConfigError(path, f"tunnels.{i}", f"begins before {before:.1f} m, where the line or the last tunnel was")
+        if to_m > length_m:
+            raise ConfigError(path, f"tunnels.{i}", f"beyond the line's {length_m:.1f} m")
+        before = to_m
+    return tuple((from_m, to_m) for from_m, to_m in file.tunnels)
