@@ -64,7 +64,19 @@ EXAMPLES: dict[str, tuple[Message, ...]] = {
         SpeedReading(**head("loop"), speed_max_mps=0.25, interval_s=0.4),
     ),
     "position_reading": (
-        PositionReading(**head("gnss"), latitude_deg=50.892505, longitude_deg=4.539371, solution="rtk_fixed"),
+        PositionReading(
+            **head("gnss"),
+            latitude_deg=50.892505,
+            longitude_deg=4.539371,
+            solution="rtk_fixed",
+            altitude_m=56.5,
+            horizontal_std_m=0.0125,
+            satellites=14,
+            hdop=0.75,
+            speed_mps=20.25,
+            speed_std_mps=0.0625,
+            course_deg=271.5,
+        ),
     ),
     "balise_telegram": (BaliseTelegram(**head("balise-reader"), balise_id="b00012", reader_variance_m2=0.0004),),
     "estimate": (

@@ -4,7 +4,7 @@ from .codec import Refused, decode, encode, from_fields
 from .estimate import AbsoluteFix, Estimate, Feedback, LinearObservation
 from .health import Event, Health, Spread
 from .message import COMMON_STATES, Gaussian, Message, Part
-from .reading import BaliseTelegram, PositionReading, SpeedReading
+from .reading import BaliseTelegram, InertialReading, PositionReading, SpeedReading
 from .state import BalisePassed, FusedState, SensorExcluded, SensorInUse, SimulationStart, Truth
 from .streams import BY_NAME, ROOT, STREAMS, Stream, alive_key, rpc_key, simulation_start_key
 
@@ -22,6 +22,7 @@ __all__ = [
     "FusedState",
     "Gaussian",
     "Health",
+    "InertialReading",
     "LinearObservation",
     "Message",
     "Part",

@@ -6,7 +6,7 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
-from .message import Message, Name, NonNegative, SpeedMps, Variance
+from .message import Count, Message, Name, NonNegative, SpeedMps, Variance
 
 
 class SpeedReading(Message):
@@ -34,14 +34,45 @@ class SpeedReading(Message):
 Solution = Literal["none", "propagated", "single", "differential", "rtk_float", "rtk_fixed"]
 
 
+Std = Annotated[float, Field(ge=1e-6, le=1e7)]
+
+
 class PositionReading(Message):
-    """A GNSS position and what the receiver says of it; the receiver's word is not to be trusted alone."""
+    """A GNSS position and what the receiver says of it; the receiver's word is not to be trusted alone.
+
+    `horizontal_std_m`: of one horizontal axis, as the receiver states it. `speed_mps` over ground, along `course_deg`
+    (clockwise from north).
+    """
 
     SCHEMA: ClassVar[str] = "position_reading"
 
     latitude_deg: Annotated[float, Field(ge=-90.0, le=90.0)]
     longitude_deg: Annotated[float, Field(ge=-180.0, le=180.0)]
     solution: Solution
+    altitude_m: Annotated[float, Field(ge=-1e4, le=1e5)] | None = None
+    horizontal_std_m: Std | None = None
+    satellites: Count | None = None
+    hdop: NonNegative | None = None
+    speed_mps: SpeedMps | None = None
+    speed_std_mps: Std | None = None
+    course_deg: Annotated[float, Field(ge=0.0, le=360.0)] | None = None
+
+
+SpecificForce = Annotated[float, Field(ge=-1e3, le=1e3)]
+TurnRate = Annotated[float, Field(ge=-100.0, le=100.0)]
+
+
+class InertialReading(Message):
+    """Means over the last `interval_s` of specific force and turn rate, on axes forward, right, down; true at mid-interval.
+
+    At rest on the level the specific force is [0, 0, -g].
+    """
+
+    SCHEMA: ClassVar[str] = "inertial_reading"
+
+    specific_force_mps2: Annotated[list[SpecificForce], Field(min_length=3, max_length=3)]
+    turn_rate_radps: Annotated[list[TurnRate], Field(min_length=3, max_length=3)]
+    interval_s: Annotated[float, Field(gt=0.0, le=10.0)]
 
 
 class BaliseTelegram(Message):

@@ -6,9 +6,11 @@ import random
 
 import numpy as np
 
-from milepost.estimation.estimator import Estimator, Prior
-from milepost.estimation.filters import KalmanFilter
+from milepost.estimation.estimator import Prior
+from milepost.estimation.filters.base import FilterSetup
+from milepost.estimation.filters.kalman import KalmanFilter, KalmanOptions
 from milepost.estimation.layout import Layout, PrivateState
+from milepost.estimation.shares import FixedShares
 from milepost.estimation.track import Line
 from milepost.nodes.filter import FilterNode
 from milepost.nodes.fuser import FuserNode, FuserSettings
@@ -60,7 +62,7 @@ class Scaled(Plain):
         return (SCALE,)
 
     def observe(self, reading, belief):
-        v, k = (PRIOR.mean[1], 0.0) if belief is None else (belief[1], belief[3])
+        v, k = (PRIOR.mean[1], 0.0) if belief is None else (belief.mean[1], belief.mean[3])
         return (Observed((0.0, 1.0 + k, 0.0, v), reading.speed_mps + k * v, reading.speed_variance_m2ps2),)
 
 
@@ -81,16 +83,16 @@ def fuser_of(
 ) -> FuserNode:
     """A fuser for these units and a balise reader behind them."""
     rows = [UnitRow(name, i, period_ns, True) for i, name in enumerate(units)] + [UnitRow("reader", len(units), None, False)]
-    shares = {name: 1.0 / len(units) for name in units}
+    shares = FixedShares({name: 1.0 / len(units) for name in units})
     layout = layout_of(units)
-    settings = FuserSettings(rule, 20_000_000, 15_000_000, horizon_ns, True, shares, 5.0, 1e6, Q, PRIOR, layout, rows)
+    settings = FuserSettings(rule, 20_000_000, 15_000_000, horizon_ns, True, 1, shares, 5.0, 1e6, Q, PRIOR, layout, rows)
     return FuserNode("t", "f", settings, LINE)
 
 
 def filter_of(units: dict[str, Sensor], name: str, instance: str = "i0") -> FilterNode:
     """The local filter of one unit."""
-    estimator = Estimator(layout_of(units).only([name]), Q, PRIOR, HORIZON_NS, 1.0 / len(units))
-    return FilterNode("t", instance, units[name], KalmanFilter(estimator), list(units).index(name), True)
+    setup = FilterSetup(layout_of(units).only([name]), Q, PRIOR, HORIZON_NS, 1.0 / len(units))
+    return FilterNode("t", instance, units[name], KalmanFilter(setup, KalmanOptions()), list(units).index(name), True)
 
 
 def reading(unit: str, sequence: int, t_s: float, speed: float, variance: float, instance: str = "s0") -> SpeedReading:

@@ -12,8 +12,9 @@ from harness import PERIOD_NS, ROOT, at
 
 from milepost.cli.evaluate import Heard, evaluate_once, withheld_fixes
 from milepost.cli.scoring import score_withheld
-from milepost.runtime.config import ScenarioFile, load_scenario
+from milepost.runtime.config import load_scenario
 from milepost.runtime.offline import OFFLINE_START_NS, simulate
+from milepost.runtime.scenario_file import ScenarioFile
 from milepost.runtime.yaml_files import ConfigError
 from milepost.simulation.recording import RecordedFix, read_gnss_log
 

@@ -4,12 +4,18 @@ from __future__ import annotations
 
 import pytest
 
+from milepost.estimation.shares import FixedShares
+from milepost.estimation.timeline import Observation
 from milepost.nodes.roster import KEPT_TIMES, STALE_NS, Roster, UnitRow
 
 MS = 1_000_000
 S = 1_000_000_000
 DEADLINE = 15 * MS
 SHARES = {"radar": 0.6, "wheel": 0.3, "loop": 0.1}
+
+
+def seen(unit: str, at_ns: int, row: tuple[float, ...] = (0.0, 1.0, 0.0), variance: float = 1.0) -> Observation:
+    return Observation(at_ns, 0, 0, "i", 0, unit, row, 0.0, variance)
 
 
 def roster(shares: dict[str, float] | None = None) -> Roster:
@@ -20,14 +26,14 @@ def roster(shares: dict[str, float] | None = None) -> Roster:
         UnitRow("loop", 2, None, True),
         UnitRow("balise-reader", 3, None, False),
     ]
-    return Roster(rows, SHARES if shares is None else shares, DEADLINE)
+    return Roster(rows, FixedShares(SHARES if shares is None else shares), DEADLINE)
 
 
 def heard(**at: int) -> Roster:
     """A roster whose units were each heard once, on time."""
     known = roster()
     for unit, time in at.items():
-        known.saw(unit, time, time + MS)
+        known.saw(seen(unit, time), time + MS)
     return known
 
 
@@ -55,13 +61,13 @@ def test_an_aperiodic_unit_is_never_due() -> None:
 
 def test_a_unit_that_was_heard_again_is_no_longer_missing() -> None:
     known = heard(radar=S)
-    known.saw("radar", S + 20 * MS, S + 21 * MS)
+    known.saw(seen("radar", S + 20 * MS), S + 21 * MS)
     assert known.missing(S + 20 * MS) == []
 
 
 def test_an_older_reading_that_comes_later_does_not_make_a_unit_missing() -> None:
     known = heard(radar=S)
-    known.saw("radar", S - 10 * MS, S + 2 * MS)
+    known.saw(seen("radar", S - 10 * MS), S + 2 * MS)
     assert known.missing(S + 9 * MS) == []
     assert known.missing(S + 10 * MS) == ["radar"]
 
@@ -76,8 +82,8 @@ def test_a_stale_unit_is_not_missing_but_excluded() -> None:
 
 
 def test_a_slow_unit_is_stale_only_after_three_periods() -> None:
-    known = Roster([UnitRow("gnss", 0, S, True)], {}, DEADLINE)
-    known.saw("gnss", 10 * S, 10 * S)
+    known = Roster([UnitRow("gnss", 0, S, True)], FixedShares({}), DEADLINE)
+    known.saw(seen("gnss", 10 * S), 10 * S)
     assert known.missing(13 * S) == ["gnss"]
     assert known.at(13 * S, live=True).excluded == {}
     assert known.missing(13 * S + 1) == []
@@ -94,15 +100,15 @@ def test_a_unit_that_missed_a_deadline_is_not_waited_for_until_it_is_punctual_ag
     known.missed_deadline("radar")
     assert known.worth_waiting(missing) == ["wheel"]
     # late by one nanosecond more than the deadline: still not
-    known.saw("radar", S + 10 * MS, S + 10 * MS + DEADLINE + 1)
+    known.saw(seen("radar", S + 10 * MS), S + 10 * MS + DEADLINE + 1)
     assert known.worth_waiting(["radar"]) == []
-    known.saw("radar", S + 20 * MS, S + 20 * MS + DEADLINE)
+    known.saw(seen("radar", S + 20 * MS), S + 20 * MS + DEADLINE)
     assert known.worth_waiting(["radar"]) == ["radar"]
 
 
 def test_a_late_reading_alone_does_not_make_a_unit_unpunctual() -> None:
     known = heard(radar=S)
-    known.saw("radar", S + 10 * MS, S + 10 * MS + 10 * DEADLINE)
+    known.saw(seen("radar", S + 10 * MS), S + 10 * MS + 10 * DEADLINE)
     assert known.worth_waiting(["radar"]) == ["radar"]
 
 
@@ -132,7 +138,7 @@ def test_processes_of_others_change_nothing() -> None:
 
 def test_units_in_use_have_the_age_of_their_last_observation_at_the_epoch() -> None:
     known = heard(radar=S, loop=S - 300 * MS)
-    known.saw("radar", S + 10 * MS, S + 11 * MS)
+    known.saw(seen("radar", S + 10 * MS), S + 11 * MS)
     assert dict(known.at(S + 5 * MS, live=True).ages_s) == pytest.approx({"radar": 0.005, "loop": 0.305})
     assert dict(known.at(S + 15 * MS, live=True).ages_s) == pytest.approx({"radar": 0.005, "loop": 0.315})
 
@@ -153,8 +159,8 @@ def test_shares_sum_to_one_over_those_in_use_and_a_silent_units_share_goes_to_th
 
 def test_units_that_share_nothing_between_them_share_evenly() -> None:
     known = roster({"radar": 1.0})
-    known.saw("wheel", S, S)
-    known.saw("loop", S, S)
+    known.saw(seen("wheel", S), S)
+    known.saw(seen("loop", S), S)
     assert dict(known.at(S, live=True).shares) == {"wheel": 0.5, "loop": 0.5}
 
 
@@ -197,8 +203,8 @@ def test_a_reader_that_no_filter_speaks_for_is_named_only_when_its_process_is_go
 def test_forgetting_keeps_what_later_epochs_ask_for_and_the_last_time_of_a_silent_unit() -> None:
     known = roster()
     for k in range(10):
-        known.saw("radar", S + 10 * k * MS, S + 10 * k * MS)
-    known.saw("loop", S, S)
+        known.saw(seen("radar", S + 10 * k * MS), S + 10 * k * MS)
+    known.saw(seen("loop", S), S)
     epochs = [S + 50 * MS, S + 55 * MS, S + 90 * MS]
     before = [known.at(epoch, live=True) for epoch in epochs]
     known.forget(S + 50 * MS)
@@ -210,7 +216,7 @@ def test_forgetting_keeps_what_later_epochs_ask_for_and_the_last_time_of_a_silen
 def test_what_is_never_forgotten_stays_within_bounds() -> None:
     known = roster()
     for k in range(3 * KEPT_TIMES):
-        known.saw("radar", S + k * MS, S + k * MS)
+        known.saw(seen("radar", S + k * MS), S + k * MS)
     end = S + (3 * KEPT_TIMES - 1) * MS
     assert known.at(end, live=True).ages_s["radar"] == 0.0
     assert known.at(end - (KEPT_TIMES - 2) * MS, live=True).ages_s["radar"] == 0.0

@@ -14,9 +14,10 @@ from milepost.estimation.centralised import centralised
 from milepost.estimation.timeline import Observation
 from milepost.nodes.base import Output
 from milepost.nodes.observations import of_fix, of_reading
-from milepost.runtime.config import ScenarioFile, Train, load_scenario
+from milepost.runtime.config import Train, load_scenario
 from milepost.runtime.offline import OFFLINE_START_NS, simulate
 from milepost.runtime.roles import full_layout, prior
+from milepost.runtime.scenario_file import ScenarioFile
 from milepost.runtime.yaml_files import ConfigError
 from milepost.simulation.recording import RecordedFix, read_gnss_log
 from milepost_schemas import AbsoluteFix, FusedState, Truth

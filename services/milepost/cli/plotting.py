@@ -12,8 +12,8 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 
-from milepost.runtime.config import ScenarioFile
 from milepost.runtime.offline import OFFLINE_START_NS
+from milepost.runtime.scenario_file import ScenarioFile
 
 
 def draw(path: Path, scenario: ScenarioFile, heard: Any, estimators: dict[str, Any]) -> None:

@@ -5,7 +5,7 @@ A local filter holds the common states and its own private block, the fuser hold
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -35,16 +35,25 @@ class Estimator:
     """Beliefs over time from observations in any order, with feedback at its epoch.
 
     `jerk_psd` q in m²/s⁵; `share` β divides both prior and q, as the federated filter asks of a local filter
-    (Q_i = Q/β_i, P_i = P/β_i); the fuser's share is 1.
+    (Q_i = Q/β_i, P_i = P/β_i); the fuser's share is 1. `kernels`: the mathematics of a step for (layout, q).
     """
 
-    def __init__(self, layout: Layout, jerk_psd: float, prior: Prior, horizon_ns: int, share: float = 1.0) -> None:
+    def __init__(
+        self,
+        layout: Layout,
+        jerk_psd: float,
+        prior: Prior,
+        horizon_ns: int,
+        share: float = 1.0,
+        kernels: Callable[[Layout, float], Any] = kernel_for,
+    ) -> None:
         self.layout = layout
+        self._kernels = kernels
         self._jerk_psd = jerk_psd
         self._share = share
         self._prior = prior
         mean, covariance = layout.prior(prior.mean, prior.std)
-        kernel = kernel_for(layout, jerk_psd / share)
+        kernel = kernels(layout, jerk_psd / share)
         self._timeline = Timeline(kernel, kernel.pack(mean, inflate_common(mean, covariance, share)), horizon_ns)
 
     @property
@@ -113,7 +122,7 @@ class Estimator:
             return False
         if share != self._share:
             self._share = share
-            self._timeline.kernel = kernel_for(self.layout, self._jerk_psd / share)
+            self._timeline.kernel = self._kernels(self.layout, self._jerk_psd / share)
         if len(mean) < self.layout.dimension:
             before = self.state_at(at_ns) or self.layout.prior(self._prior.mean, self._prior.std)
             mean, covariance = replace_common(*before, np.array(mean), np.array(covariance))

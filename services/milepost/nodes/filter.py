@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
-from milepost.estimation.filters import KalmanFilter
+from milepost.estimation.filters.base import LocalFilter
 from milepost.estimation.layout import N_COMMON
 from milepost.estimation.timeline import FUTURE_NS, Observation
-from milepost.sensors.base import Sensor
+from milepost.sensors.base import Belief, Sensor
 from milepost_schemas import Estimate, Feedback, Message
 
 from .base import Node, Output, Subscription
@@ -23,13 +23,16 @@ class FilterNode(Node):
 
     remembers = True
 
-    def __init__(self, train: str, instance: str, sensor: Sensor[Any], local: KalmanFilter, order: int, feedback: bool) -> None:
+    def __init__(
+        self, train: str, instance: str, sensor: Sensor[Any], local: LocalFilter[Any], order: int, feedback: bool
+    ) -> None:
         super().__init__(train, sensor.unit, instance)
         self.subscriptions = [Subscription(sensor.stream, sensor.unit)]
         if feedback:
             # feedback changes nothing until a reading comes, so it need not wake the process
             self.subscriptions.append(Subscription("feedback", newest_only=True))
-        self._sensor = sensor
+        self._observer = sensor.observer()
+        self._needs_belief = sensor.needs_belief
         self._filter = local
         self._estimator = local.estimator
         self._order = order
@@ -65,10 +68,12 @@ class FilterNode(Node):
         if reason is not None:
             yield from self.refuse_reading(self.unit, reading.sequence, reading.instance, reason, now_ns)
             return
-        belief = estimator.state_at(reading.measured_at_ns) if estimator.layout.private else None
-        observed = self._sensor.observe(reading, None if belief is None else belief[0])
+        belief = estimator.state_at(reading.measured_at_ns) if self._needs_belief else None
+        observed = self._observer.observe(reading, None if belief is None else Belief(*belief))
         offered = of_reading(reading, self._order, observed)
         counted, refused = self._filter.take(offered, now_ns)
+        for notice in (*self._observer.notices(), *self._filter.notices()):
+            yield self.event(*notice, now_ns)
         for reason in refused:
             yield from self.refuse_reading(self.unit, reading.sequence, reading.instance, reason, now_ns)
         if offered and not counted:

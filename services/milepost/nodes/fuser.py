@@ -8,15 +8,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from milepost.estimation.estimator import Prior
-from milepost.estimation.fusion import RULES, Belief
+from milepost.estimation.fusion import RULES, Belief, Lists
 from milepost.estimation.layout import Layout
+from milepost.estimation.shares import Shares
 from milepost.estimation.timeline import FUTURE_NS, Observation
 from milepost.estimation.track import Line
 from milepost_schemas import AbsoluteFix, Estimate, Feedback, FusedState, Gaussian, Message
 
 from .base import Node, Output, Subscription
 from .observations import of_estimate, of_fix
-from .roster import Roster, UnitRow
+from .roster import Presence, Roster, UnitRow
 from .state_writer import StateWriter
 
 # an epoch further back than this is not worth sending live
@@ -34,7 +35,8 @@ class FuserSettings:
     deadline_ns: int
     horizon_ns: int
     feedback: bool
-    shares: dict[str, float]
+    feedback_every: int
+    shares: Shares
     sigmas: float
     lost_above_m: float
     jerk_psd: float
@@ -64,6 +66,8 @@ class FuserNode(Node):
         self._latest_ns = 0
         self._epoch_ns: int | None = None
         self._settled_ns: int | None = None
+        # the shares of an epoch go by the speed of the one before it where the rule needs them for its state
+        self._speed_mps = float(settings.prior.mean[1])
 
     @property
     def rewinds(self) -> int:
@@ -148,7 +152,7 @@ class FuserNode(Node):
             yield from self.refuse_reading(observation.unit, observation.sequence, observation.instance, reason, now_ns)
             return
         at = observation.measured_at_ns
-        self._roster.saw(observation.unit, at, now_ns)
+        self._roster.saw(observation, now_ns)
         self._earliest_ns = at if self._earliest_ns is None else min(self._earliest_ns, at)
         self._latest_ns = max(self._latest_ns, at)
         if self._epoch_ns is None and self._may_begin(now_ns):
@@ -181,18 +185,24 @@ class FuserNode(Node):
             self._epoch_ns += self._settings.period_ns
 
     def _publish(self, epoch_ns: int, missing: list[str], now_ns: int) -> Iterator[Output]:
-        presence = self._roster.at(epoch_ns, live=True)
+        presence = self._roster.at(epoch_ns, live=True, speed_mps=self._speed_mps)
         fused = self._rule.state_at(epoch_ns, presence.shares)
         earliest = self._earliest_ns
         if fused is None or earliest is None:
             return
+        self._speed_mps = fused[0][1]
+        presence = self._shared(presence, epoch_ns, fused)
         head = self.head("state", epoch_ns, now_ns)
         yield Output("state", "", self._writer.write(head, fused, presence, earliest, missing, settled=False))
-        if self._settings.feedback:
+        if self._settings.feedback and epoch_ns // self._settings.period_ns % self._settings.feedback_every == 0:
             body = Gaussian(states=self._rule.names, mean=fused[0], covariance=fused[1])
             head = self.head("feedback", epoch_ns, now_ns)
             self._feedback = Feedback(**head, fused=body, shares=dict(presence.shares))
             yield Output("feedback", "", self._feedback)
+
+    def _shared(self, presence: Presence, epoch_ns: int, fused: Lists) -> Presence:
+        variances = [fused[1][i][i] for i in range(3)]
+        return self._roster.shared(presence, epoch_ns, fused[0][1], variances)
 
     def settled_states(self, now_ns: int | None) -> Iterator[FusedState]:
         """The states of the epochs that no message can change any more; with None, of all that are left.
@@ -213,6 +223,7 @@ class FuserNode(Node):
             presence = self._roster.at(at, live=False)
             fused = self._rule.state_at(at, presence.shares)
             if fused is not None:
+                presence = self._shared(presence, at, fused)
                 head = {"train": self.train, "unit": self.unit, "instance": "settled", "sequence": at // period}
                 head |= {"measured_at_ns": at, "published_at_ns": at + horizon}
                 yield self._writer.write(head, fused, presence, self._earliest_ns, [], settled=True)

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from bisect import bisect_left, bisect_right, insort
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
-from milepost.estimation.federated import share_out
+from milepost.estimation.shares import Shares
+from milepost.estimation.timeline import Observation
 
 STALE_NS = 1_000_000_000
+# how far back a unit's accuracy is looked for
+LATELY_NS = 1_000_000_000
 KEPT_TIMES = 4096
 
 
@@ -26,6 +29,8 @@ class UnitRow:
 class _Unit:
     row: UnitRow
     times: list[int] = field(default_factory=list)
+    # time, then h²/R of position, speed and acceleration
+    brought: list[tuple[int, float, float, float]] = field(default_factory=list)
     arrived_ns: int = 0
     punctual: bool = True
     gone: set[str] = field(default_factory=set)
@@ -51,14 +56,19 @@ class Roster:
     let a deadline pass is not waited for until a reading of it comes within `deadline_ns` of being measured again.
     """
 
-    def __init__(self, rows: list[UnitRow], shares: Mapping[str, float], deadline_ns: int) -> None:
+    def __init__(self, rows: list[UnitRow], shares: Shares, deadline_ns: int) -> None:
         self._units = {row.unit: _Unit(row) for row in rows}
         self._shares = shares
         self._deadline_ns = deadline_ns
 
-    def saw(self, unit: str, measured_at_ns: int, now_ns: int) -> None:
-        """An observation of a unit was taken."""
+    def saw(self, observation: Observation, now_ns: int) -> None:
+        """An observation was taken."""
+        unit, measured_at_ns = observation.unit, observation.measured_at_ns
         known = self._units[unit]
+        if self._shares.by_information:
+            h0, h1, h2 = observation.row[:3]
+            R = observation.variance
+            insort(known.brought, (measured_at_ns, h0 * h0 / R, h1 * h1 / R, h2 * h2 / R))
         insort(known.times, measured_at_ns)
         if len(known.times) > 2 * KEPT_TIMES:
             del known.times[:KEPT_TIMES]
@@ -107,8 +117,11 @@ class Roster:
         """An epoch was sent without a unit that it had waited for."""
         self._units[unit].punctual = False
 
-    def at(self, epoch_ns: int, live: bool) -> Presence:
-        """Who counts at an epoch. Tokens matter only live: a settled state is a function of what was observed."""
+    def at(self, epoch_ns: int, live: bool, speed_mps: float = 0.0) -> Presence:
+        """Who counts at an epoch, with shares at a speed.
+
+        Tokens matter only live: a settled state is a function of what was observed.
+        """
         ages: dict[str, float] = {}
         excluded: dict[str, str] = {}
         for name, unit in self._units.items():
@@ -127,9 +140,24 @@ class Roster:
                 excluded[name] = "no usable reading" if live and heard else "silent"
             else:
                 ages[name] = (epoch_ns - last) * 1e-9
-        return Presence(ages, share_out(self._shares, list(ages)), excluded)
+        return Presence(ages, self._shares.at(list(ages), speed_mps, {}), excluded)
+
+    def shared(self, presence: Presence, epoch_ns: int, speed_mps: float, variances: Sequence[float]) -> Presence:
+        """The same with the shares that go with the fused state: its speed, its variances of [s, v, a]."""
+        information: dict[str, float] = {}
+        if self._shares.by_information:
+            information = {unit: self._information(unit, epoch_ns, variances) for unit in presence.ages_s}
+        return replace(presence, shares=self._shares.at(list(presence.ages_s), speed_mps, information))
+
+    def _information(self, unit: str, epoch_ns: int, variances: Sequence[float]) -> float:
+        brought = self._units[unit].brought
+        first = bisect_right(brought, epoch_ns - LATELY_NS, key=lambda b: b[0])
+        last = bisect_right(brought, epoch_ns, key=lambda b: b[0])
+        ps, pv, pa = variances[:3]
+        return sum(s * ps + v * pv + a * pa for _, s, v, a in brought[first:last])
 
     def forget(self, before_ns: int) -> None:
         """Drop times that no epoch will ask for; the last one before stays: it tells how old a silent unit is."""
         for unit in self._units.values():
             del unit.times[: max(0, bisect_left(unit.times, before_ns) - 1)]
+            del unit.brought[: bisect_left(unit.brought, before_ns - LATELY_NS, key=lambda b: b[0])]

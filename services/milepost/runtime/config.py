@@ -1,143 +1,25 @@
-"""Train and scenario files: everything that can be wrong with them is said before anything starts."""
+"""Train and scenario files loaded: everything that can be wrong with them is said before anything starts."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Any, Literal
-
-from pydantic import BaseModel, Field, model_validator
+from typing import Any
 
 from milepost.estimation.filters import FILTERS
-from milepost.estimation.fusion import RULES
+from milepost.estimation.filters.base import LocalFilter
 from milepost.estimation.track import Line
 from milepost.sensors import SENSORS
-from milepost.sensors.base import DataPath, Sensor, World
+from milepost.sensors.base import Sensor, World
 from milepost.simulation.motion import Motion, Profile, WhiteJerkMotion
 from milepost.simulation.recording import read_gnss_log, smooth_motion
-from milepost_schemas.message import Name, PositionM, SpeedMps
 
-from .lines import STRICT, load_line
-from .yaml_files import ConfigError, merged, read_yaml, validate
-
-Positive = Annotated[float, Field(gt=0.0)]
-
-
-class PriorFile(BaseModel):
-    """What is believed before the first observation."""
-
-    model_config = STRICT
-    position_m: PositionM
-    position_std_m: Positive
-    speed_mps: SpeedMps
-    speed_std_mps: Positive
-    acceleration_mps2: float = 0.0
-    acceleration_std_mps2: Positive
-
-
-class FusionFile(BaseModel):
-    """How the fuser works; DESIGN's defaults."""
-
-    model_config = STRICT
-    rule: str = "information"
-    period_ms: Annotated[int, Field(ge=1, le=1000)] = 20
-    deadline_ms: Annotated[float, Field(ge=0.0, le=1000.0)] = 15.0
-    horizon_s: Annotated[float, Field(ge=0.1, le=60.0)] = 5.0
-    feedback: bool = True
-    shares: dict[str, Annotated[float, Field(ge=0.0, le=1.0)]] = Field(default_factory=dict)
-    interval_sigmas: Positive = 5.0
-    lost_above_m: Positive = 100.0
-
-    @model_validator(mode="after")
-    def _known(self) -> FusionFile:
-        if self.rule not in RULES:
-            raise ValueError(f"rule: {self.rule!r} is none of {', '.join(RULES)}")
-        if self.shares and abs(sum(self.shares.values()) - 1.0) > 1e-9:
-            raise ValueError(f"shares: they must sum to 1, not {sum(self.shares.values()):g}")
-        return self
-
-
-class WhiteJerkFile(BaseModel):
-    """A simulated motion: a seeded white-jerk path around a speed profile of [time s, speed m/s] corners."""
-
-    model_config = STRICT
-    kind: Literal["white_jerk"]
-    profile: Annotated[list[Annotated[list[float], Field(min_length=2, max_length=2)]], Field(min_length=1)]
-    start_m: PositionM = 0.0
-    jerk_psd_m2ps5: Annotated[float, Field(ge=0.0)]
-    driver_time_s: Annotated[float, Field(ge=30.0)] | None = None
-    start_std: Annotated[list[Annotated[float, Field(ge=0.0)]], Field(min_length=3, max_length=3)] = [0.0, 0.0, 0.0]
-
-    @model_validator(mode="after")
-    def _increasing(self) -> WhiteJerkFile:
-        times = [corner[0] for corner in self.profile]
-        if times[0] != 0.0 or any(b <= a for a, b in pairwise(times)):
-            raise ValueError("profile: times must start at 0 and increase")
-        return self
-
-
-class RecordedFile(BaseModel):
-    """A motion that a GNSS log's RTK fixes show."""
-
-    model_config = STRICT
-    kind: Literal["recorded"]
-    gnss_log: DataPath
-    fix_std_m: Positive = 0.01
-    jerk_psd_m2ps5: Positive = 0.01
-
-
-class WorldFile(BaseModel):
-    """The train that is not there. Absent on a real train."""
-
-    model_config = STRICT
-    seed: Annotated[int, Field(ge=0)] = 1
-    motion: Annotated[WhiteJerkFile | RecordedFile, Field(discriminator="kind")]
-
-
-class MotionModelFile(BaseModel):
-    """The estimator's motion model: white jerk of this density."""
-
-    model_config = STRICT
-    jerk_psd_m2ps5: Positive
-
-
-class TrainFile(BaseModel):
-    """A train: its line, its units in order, how they are fused."""
-
-    model_config = STRICT
-    train: Name
-    line: DataPath
-    motion_model: MotionModelFile
-    prior: PriorFile
-    fusion: FusionFile = Field(default_factory=FusionFile)
-    world: WorldFile | None = None
-    units: Annotated[dict[Name, dict[str, Any]], Field(min_length=1)]
-
-
-class WithheldFile(BaseModel):
-    """Readings of a unit that the filters do not get and that the result is compared with afterwards."""
-
-    model_config = STRICT
-    unit: Name
-    from_s: float
-    to_s: float
-
-
-class ScenarioFile(BaseModel):
-    """An evaluation: a train, changes to its file, how long, and what to compare."""
-
-    model_config = STRICT
-    scenario: Name
-    train: DataPath
-    duration_s: Positive
-    seed: Annotated[int, Field(ge=0)] = 1
-    change: dict[str, Any] = Field(default_factory=dict)
-    alone: list[Name] = Field(default_factory=list)
-    speed_after_s: Annotated[float, Field(ge=0.0)] = 0.0
-    withheld: WithheldFile | None = None
+from .lines import load_line
+from .scenario_file import ScenarioFile
+from .train_file import BySpeedFile, RecordedFile, TrainFile, WorldFile
+from .yaml_files import ConfigError, merged, read_yaml, validate, validate_dataclass
 
 
 @dataclass(frozen=True)
@@ -148,6 +30,7 @@ class Train:
     file: TrainFile
     line: Line
     sensors: Mapping[str, Sensor[Any]]
+    filters: Mapping[str, tuple[type[LocalFilter[Any]], Any]]
 
     @property
     def name(self) -> str:
@@ -157,7 +40,7 @@ class Train:
     @property
     def fused_units(self) -> list[str]:
         """The units that a local filter speaks for, in order."""
-        return [unit for unit, sensor in self.sensors.items() if sensor.options.filter is not None]
+        return list(self.filters)
 
     @property
     def balise_readers(self) -> list[str]:
@@ -196,25 +79,44 @@ def load_train(path: Path, change: Mapping[str, Any] | None = None) -> Train:
     file = validate(path, merged(read_yaml(path), change or {}), TrainFile)
     line = load_line(file.line)
     sensors: dict[str, Sensor[Any]] = {}
+    filters: dict[str, tuple[type[LocalFilter[Any]], Any]] = {}
     for unit, entry in file.units.items():
         kind = SENSORS.get(str(entry.get("kind")))
         if kind is None:
             raise ConfigError(path, f"units.{unit}.kind", f"{entry.get('kind')!r} is none of {', '.join(SENSORS)}")
         options = validate(path, entry, kind.options_model, f"units.{unit}")
-        if options.filter is not None and options.filter not in FILTERS:
-            raise ConfigError(path, f"units.{unit}.filter", f"{options.filter!r} is none of {', '.join(FILTERS)}")
+        if options.filter is not None:
+            filters[unit] = _filter(path, f"units.{unit}.filter", options.filter)
         _check_recording(path, unit, options)
         if file.world is None and options.source == "recording":
             raise ConfigError(path, "world", f"needed to replay the recording of {unit}: it owns the time")
         sensors[unit] = kind(unit, options, line)
-    train = Train(path, file, line, sensors)
-    unknown = [unit for unit in file.fusion.shares if unit not in train.fused_units]
-    if unknown:
-        raise ConfigError(path, f"fusion.shares.{unknown[0]}", "is not a unit with a filter")
+    train = Train(path, file, line, sensors, filters)
+    for where, unit in _units_of_shares(file.fusion.shares):
+        if unit not in filters:
+            raise ConfigError(path, f"{where}.{unit}", "is not a unit with a filter")
     if not train.fused_units:
         raise ConfigError(path, "units", "no unit has a filter")
     _check_geometry(train)
     return train
+
+
+def _filter(path: Path, field: str, named: str | dict[str, Any]) -> tuple[type[LocalFilter[Any]], Any]:
+    """A filter's row and its options, from its name alone or from a mapping with `kind`."""
+    said = {"kind": named} if isinstance(named, str) else dict(named)
+    name = said.pop("kind", None)
+    row = FILTERS.get(str(name))
+    if row is None:
+        raise ConfigError(path, field, f"{name!r} is none of {', '.join(FILTERS)}")
+    return row, validate_dataclass(path, said, row.options_model, field)
+
+
+def _units_of_shares(shares: Any) -> Iterator[tuple[str, str]]:
+    if isinstance(shares, BySpeedFile):
+        for number, row in enumerate(shares.by_speed):
+            yield from ((f"fusion.shares.by_speed.{number}.shares", unit) for unit in row.shares)
+    elif isinstance(shares, dict):
+        yield from (("fusion.shares", unit) for unit in shares)
 
 
 def _check_recording(path: Path, unit: str, options: Any) -> None:

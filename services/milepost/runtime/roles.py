@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
-from milepost.estimation.estimator import Estimator, Prior
-from milepost.estimation.filters import FILTERS
+from milepost.estimation.estimator import Prior
+from milepost.estimation.filters.base import FilterSetup
 from milepost.estimation.layout import Layout
+from milepost.estimation.shares import FixedShares, Shares, SharesByAccuracy, SharesBySpeed, SpeedRow
 from milepost.nodes.balise import BaliseNode
 from milepost.nodes.base import Node
 from milepost.nodes.filter import FilterNode
@@ -20,6 +22,7 @@ from milepost.nodes.world import WorldNode
 from milepost.sensors.base import World
 
 from .config import Train
+from .train_file import BySpeedFile
 from .yaml_files import ConfigError
 
 NS = 1_000_000_000
@@ -69,16 +72,18 @@ def _sensor(train: Train, unit: str, setting: Setting) -> Node:
 
 def _filter(train: Train, unit: str, setting: Setting) -> Node:
     sensor, fusion = train.sensors[unit], train.file.fusion
-    share = _shares(train).get(unit, 0.0) if fusion.feedback else 1.0
-    estimator = Estimator(
+    # what is known of the speed before anything was heard: the train stands
+    share = shares(train).at(train.fused_units, 0.0, {}).get(unit, 0.0) if fusion.feedback else 1.0
+    setup = FilterSetup(
         full_layout(train).only([unit]),
         train.file.motion_model.jerk_psd_m2ps5,
         prior(train),
         round(fusion.horizon_s * NS),
         share or 1.0,
     )
-    local = FILTERS[sensor.options.filter](estimator)
-    return FilterNode(train.name, setting.instance, sensor, local, list(train.sensors).index(unit), fusion.feedback)
+    kind, options = train.filters[unit]
+    order = list(train.sensors).index(unit)
+    return FilterNode(train.name, setting.instance, sensor, kind(setup, options), order, fusion.feedback)
 
 
 def _balise(train: Train, unit: str, setting: Setting) -> Node:  # noqa: ARG001
@@ -102,9 +107,13 @@ def prior(train: Train) -> Prior:
     return Prior(mean, np.array([p.position_std_m, p.speed_std_mps, p.acceleration_std_mps2]))
 
 
-def _shares(train: Train) -> dict[str, float]:
-    units = train.fused_units
-    return dict(train.file.fusion.shares) or {unit: 1.0 / len(units) for unit in units}
+def shares(train: Train) -> Shares:
+    """How the train file wants information shared."""
+    said = train.file.fusion.shares
+    if isinstance(said, BySpeedFile):
+        rows = said.by_speed
+        return SharesBySpeed(tuple(SpeedRow(r.below_kmh / 3.6 if r.below_kmh else math.inf, r.shares) for r in rows))
+    return FixedShares(said) if isinstance(said, dict) else SharesByAccuracy()
 
 
 def fuser_settings(train: Train) -> FuserSettings:
@@ -122,7 +131,8 @@ def fuser_settings(train: Train) -> FuserSettings:
         deadline_ns=round(fusion.deadline_ms * 1e6),
         horizon_ns=round(fusion.horizon_s * NS),
         feedback=fusion.feedback,
-        shares=_shares(train),
+        feedback_every=fusion.feedback_every,
+        shares=shares(train),
         sigmas=fusion.interval_sigmas,
         lost_above_m=fusion.lost_above_m,
         jerk_psd=train.file.motion_model.jerk_psd_m2ps5,

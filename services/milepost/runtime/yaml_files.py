@@ -8,9 +8,11 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import yaml
-from pydantic import BaseModel, ValidationError
+from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic.dataclasses import dataclass as pydantic_dataclass
 
 M = TypeVar("M", bound=BaseModel)
+D = TypeVar("D")
 
 
 class ConfigError(Exception):
@@ -70,6 +72,19 @@ def validate(path: Path, content: Mapping[str, Any], model: type[M], prefix: str
         field = ".".join([*([prefix] if prefix else []), *_place(content, first["loc"], first["type"] == "missing")])
         text = "unknown key" if first["type"] == "extra_forbidden" else first["msg"].removeprefix("Value error, ")
         raise ConfigError(path, field, text) from error
+
+
+def validate_dataclass(path: Path, content: Mapping[str, Any], kind: type[D], field: str) -> D:
+    """A mapping as a frozen dataclass of plain numbers and texts. Raises ConfigError for the first mistake."""
+    checked: Any = pydantic_dataclass(kind, frozen=True, config=ConfigDict(strict=True, extra="forbid", allow_inf_nan=True))
+    try:
+        options: D = checked(**content)
+        return options
+    except ValidationError as error:
+        first = error.errors(include_url=False, include_context=False)[0]
+        text = first["msg"].removeprefix("Value error, ")
+        text = "unknown key" if first["type"] in ("extra_forbidden", "unexpected_keyword_argument") else text
+        raise ConfigError(path, ".".join([field, *(str(part) for part in first["loc"])]), text) from error
 
 
 def _place(content: Any, loc: Sequence[int | str], missing: bool) -> list[str]:

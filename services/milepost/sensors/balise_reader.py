@@ -7,11 +7,10 @@ from typing import Annotated, Any
 
 from pydantic import Field
 
-from milepost.estimation.layout import Array
 from milepost.simulation.motion import when_at
 from milepost.simulation.noise import WhiteNoise
 
-from .base import Measured, Observed, Sensor, SensorOptions, Source, World
+from .base import Belief, Measured, Observed, Sensor, SensorOptions, Source, World
 
 LOOK_AHEAD_S = 1.0
 
@@ -34,7 +33,7 @@ class BaliseReader(Sensor[BaliseReaderOptions]):
     stream = "balise_telegram"
     options_model = BaliseReaderOptions
 
-    def observe(self, reading: Any, belief: Array | None) -> Sequence[Observed]:  # noqa: ARG002
+    def observe(self, reading: Any, belief: Belief | None) -> Sequence[Observed]:  # noqa: ARG002
         """Nothing by itself: a telegram becomes a fix in the balise service."""
         return ()
 

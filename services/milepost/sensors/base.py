@@ -12,8 +12,10 @@ from typing import Annotated, Any, ClassVar, Generic, Literal, NamedTuple, Proto
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationInfo
 
 from milepost.estimation.layout import Array, PrivateState
+from milepost.estimation.notice import Notice
 from milepost.estimation.track import Line
 from milepost.simulation.motion import Motion
+from milepost.simulation.noise import standard_normal
 
 
 def _resolve(value: object, info: ValidationInfo) -> object:
@@ -35,14 +37,21 @@ DataPath = Annotated[Path, BeforeValidator(_resolve)]
 
 
 class SensorOptions(BaseModel):
-    """A unit's entry in a train file. `filter` names a row of the filter table."""
+    """A unit's entry in a train file. `filter` names a row of the filter table, alone or as `kind` beside its options."""
 
     model_config = ConfigDict(strict=True, frozen=True, extra="forbid", allow_inf_nan=False)
 
     kind: str
     source: Literal["simulation", "recording"] = "simulation"
-    filter: str | None = "kalman"
+    filter: str | dict[str, Any] | None = "kalman"
     withhold_s: list[Span] = Field(default_factory=list, description="spans [from, to) of scenario time without readings")
+
+
+class Belief(NamedTuple):
+    """What a unit's filter believes where a reading is true: mean (n), covariance (n, n) over [s, v, a, own private]."""
+
+    mean: Array
+    covariance: Array
 
 
 class Observed(NamedTuple):
@@ -71,13 +80,35 @@ class Source(Protocol):
         """Take that reading; None where the sensor has nothing to say this time."""
 
 
+class WheelCreep(Protocol):
+    """How the wheels run on the rail: their surface speed is v (1 + c)."""
+
+    def at(self, unit: str, t_s: float) -> float:
+        """The creep ratio c of a unit's wheel at a scenario time: spin above 0, slide below."""
+
+
 @dataclass(frozen=True)
 class World:
-    """What a simulated sensor can see: the train's motion, the line, and the seed of all noise."""
+    """What a simulated sensor can see: the train's motion, the line, the seed of all noise, and how the wheels run."""
 
     motion: Motion
     line: Line
     seed: int
+    creep: WheelCreep | None = None
+
+    def true_value(self, unit: str, state: PrivateState) -> float:
+        """The truth of a private state, drawn from its prior, so that the prior is true."""
+        return state.prior_mean + state.prior_std * float(standard_normal(self.seed, f"{unit}.{state.name}", 1)[0])
+
+
+class Observer(Protocol):
+    """Turns one unit's readings into observations, and may remember what it saw; it knows no clock but the readings'."""
+
+    def observe(self, reading: Any, belief: Belief | None) -> Sequence[Observed]:
+        """A reading as observations, linearised, where need be, at `belief`."""
+
+    def notices(self) -> list[Notice]:
+        """What a person should read since the last time it was asked."""
 
 
 O = TypeVar("O", bound=SensorOptions)  # noqa: E741
@@ -105,9 +136,22 @@ class Sensor(ABC, Generic[O]):
         """The time between readings; None where they come when they come (they are then never due)."""
         return None
 
+    @property
+    def needs_belief(self) -> bool:
+        """Whether `observe` looks at the belief: it costs a prediction a reading."""
+        return bool(self.private_states)
+
     @abstractmethod
-    def observe(self, reading: Any, belief: Array | None) -> Sequence[Observed]:
-        """A reading as observations, linearised, where need be, at `belief` (mean over [s, v, a, own private])."""
+    def observe(self, reading: Any, belief: Belief | None) -> Sequence[Observed]:
+        """A reading as observations, linearised, where need be, at `belief`."""
+
+    def observer(self) -> Observer:
+        """Who observes in a filter's process: the sensor itself, where it need not remember anything."""
+        return self
+
+    def notices(self) -> list[Notice]:
+        """Nothing: a sensor by itself sees one reading at a time."""
+        return []
 
     @abstractmethod
     def open(self, world: World | None, from_s: float) -> Source:

@@ -7,10 +7,9 @@ from typing import Annotated, Any
 
 from pydantic import Field
 
-from milepost.estimation.layout import Array
 from milepost.simulation.noise import WhiteNoise
 
-from .base import Measured, Observed, PeriodicSource, Sensor, SensorOptions, Source, World
+from .base import Belief, Measured, Observed, PeriodicSource, Sensor, SensorOptions, Source, World
 
 
 class DopplerRadarOptions(SensorOptions):
@@ -32,7 +31,7 @@ class DopplerRadar(Sensor[DopplerRadarOptions]):
         """One reading each 1/rate."""
         return 1.0 / self.options.rate_hz
 
-    def observe(self, reading: Any, belief: Array | None) -> Sequence[Observed]:  # noqa: ARG002
+    def observe(self, reading: Any, belief: Belief | None) -> Sequence[Observed]:  # noqa: ARG002
         """h = [0, 1, 0]."""
         if reading.speed_mps is None:
             return ()

@@ -7,11 +7,10 @@ from typing import Annotated
 
 from pydantic import Field
 
-from milepost.estimation.layout import Array
 from milepost.simulation.recording import RecordedFix, read_gnss_log
 from milepost_schemas import PositionReading
 
-from .base import DataPath, Measured, Observed, Sensor, SensorOptions, Source, World
+from .base import Belief, DataPath, Measured, Observed, Sensor, SensorOptions, Source, World
 
 Std = Annotated[float, Field(gt=0.0)]
 
@@ -43,7 +42,7 @@ class Gnss(Sensor[GnssOptions]):
         """One fix each 1/rate."""
         return 1.0 / self.options.rate_hz
 
-    def observe(self, reading: PositionReading, belief: Array | None) -> Sequence[Observed]:  # noqa: ARG002
+    def observe(self, reading: PositionReading, belief: Belief | None) -> Sequence[Observed]:  # noqa: ARG002
         """The projected fix, where its solution counts and it lies on the line."""
         std = self.options.position_std_m.get(reading.solution)
         if std is None or self.line.track is None:

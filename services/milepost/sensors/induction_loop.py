@@ -13,7 +13,7 @@ from milepost.estimation.layout import Array
 from milepost.simulation.motion import Motion
 from milepost.simulation.noise import BLOCK, block_rng
 
-from .base import Measured, Observed, PeriodicSource, Sensor, SensorOptions, Source, World
+from .base import Belief, Measured, Observed, PeriodicSource, Sensor, SensorOptions, Source, World
 
 # silence longer than this says where the train is, not how fast it goes now
 LONGEST_BOUND_S = 4.0
@@ -44,7 +44,7 @@ class InductionLoop(Sensor[InductionLoopOptions]):
     stream = "speed_reading"
     options_model = InductionLoopOptions
 
-    def observe(self, reading: Any, belief: Array | None) -> Sequence[Observed]:  # noqa: ARG002
+    def observe(self, reading: Any, belief: Belief | None) -> Sequence[Observed]:  # noqa: ARG002
         """h = [0, 1, 0]."""
         if reading.speed_mps is None:
             middle = 0.5 * reading.speed_max_mps

@@ -1,0 +1,73 @@
+"""What every kind of local filter offers.
+
+A kind decides how a reading's observations enter: their variance, whether they are pre-filtered, how its own belief takes
+them. Its belief is its own; only its observations reach the fused result.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar, Generic, TypeVar
+
+from ..estimator import Estimator, Prior, kernel_for
+from ..layout import Layout
+from ..notice import Notice
+from ..timeline import Observation
+
+
+@dataclass(frozen=True)
+class FilterSetup:
+    """What a local filter is built on: states, q in m²/s⁵, the prior, the horizon and the share β."""
+
+    layout: Layout
+    jerk_psd: float
+    prior: Prior
+    horizon_ns: int
+    share: float = 1.0
+
+
+O = TypeVar("O")  # noqa: E741
+
+
+class LocalFilter(Generic[O]):
+    """One kind of local filter.
+
+    `options_model` is a frozen dataclass of plain values whose `__post_init__` raises ValueError("field: what is wrong").
+    """
+
+    kind: ClassVar[str]
+    options_model: ClassVar[type[Any]]
+
+    def __init__(self, setup: FilterSetup, options: O) -> None:
+        self.setup = setup
+        self.options = options
+        self.estimator = Estimator(
+            setup.layout, setup.jerk_psd, setup.prior, setup.horizon_ns, setup.share, kernels=self.kernel
+        )
+
+    def kernel(self, layout: Layout, jerk_psd: float) -> Any:
+        """The mathematics of its belief."""
+        return kernel_for(layout, jerk_psd)
+
+    def prepare(self, observations: Sequence[Observation], now_ns: int) -> Sequence[Observation]:  # noqa: ARG002
+        """A reading's observations as this kind takes them and passes them on: other z or R, the same identity."""
+        return observations
+
+    def notices(self) -> list[Notice]:
+        """What a person should read since the last time it was asked."""
+        return []
+
+    def take(self, observations: Sequence[Observation], now_ns: int) -> tuple[list[Observation], list[str]]:
+        """Take a reading's observations into the belief; returns those that the fuser shall count, and why others do not.
+
+        An observation older than the feedback in the belief is `absorbed`: the belief cannot use it, the fuser can.
+        """
+        counted, refused = [], []
+        for observation in self.prepare(observations, now_ns):
+            reason = self.estimator.insert(observation, now_ns)
+            if reason is None or reason == "absorbed":
+                counted.append(observation)
+            else:
+                refused.append(reason)
+        return counted, refused

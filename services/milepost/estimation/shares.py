@@ -1,0 +1,68 @@
+"""THE TABLE OF SHARES: how the information-sharing factors β are chosen. Whatever is chosen, Σβ = 1 over who reports."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import ClassVar, Protocol
+
+from .federated import share_out
+
+
+class Shares(Protocol):
+    """β of the reporting units at a speed (m/s); `information` says how much each brought lately, without a unit.
+
+    `by_information`: whether it looks at that; counting it costs something with every observation.
+    """
+
+    by_information: ClassVar[bool]
+
+    def at(self, reporting: Sequence[str], speed_mps: float, information: Mapping[str, float]) -> dict[str, float]: ...
+
+
+@dataclass(frozen=True)
+class FixedShares:
+    """The train file's β for each unit; a silent unit's goes to the others in proportion. Source: A (14)."""
+
+    by_information: ClassVar[bool] = False
+    table: Mapping[str, float]
+
+    def at(self, reporting: Sequence[str], speed_mps: float, information: Mapping[str, float]) -> dict[str, float]:  # noqa: ARG002
+        """The same at every speed."""
+        return share_out(self.table, reporting)
+
+
+@dataclass(frozen=True)
+class SpeedRow:
+    """The shares below a speed (m/s; infinite in the last row)."""
+
+    below_mps: float
+    shares: Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class SharesBySpeed:
+    """β from a table over speed ranges: below 50 km/h, 50 to 150, above, in source B. A silent unit's goes to the others."""
+
+    by_information: ClassVar[bool] = False
+    rows: tuple[SpeedRow, ...]
+
+    def at(self, reporting: Sequence[str], speed_mps: float, information: Mapping[str, float]) -> dict[str, float]:  # noqa: ARG002
+        """The row of the speed's range, whichever way the train goes."""
+        row = next((r for r in self.rows if abs(speed_mps) < r.below_mps), self.rows[-1])
+        return share_out(row.shares, reporting)
+
+
+@dataclass(frozen=True)
+class SharesByAccuracy:
+    """β in proportion to the information that each unit brought lately, J_i = Σ h P hᵀ/R over its observations.
+
+    h P hᵀ/R compares what an observation knows with what is known anyway, so that metres and metres a second add up; P is
+    the fused covariance. Source: B, "by their accuracy at the present speed".
+    """
+
+    by_information: ClassVar[bool] = True
+
+    def at(self, reporting: Sequence[str], speed_mps: float, information: Mapping[str, float]) -> dict[str, float]:  # noqa: ARG002
+        """The proportions of what was brought."""
+        return share_out(information, reporting)

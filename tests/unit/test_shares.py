@@ -1,0 +1,68 @@
+"""How information is shared out: fixed, by speed as in source B, by accuracy; always to one."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from milepost.estimation.shares import FixedShares, SharesByAccuracy, SharesBySpeed, SpeedRow
+from milepost.estimation.timeline import Observation
+from milepost.nodes.roster import Roster, UnitRow
+
+S = 1_000_000_000
+UNITS = ("imu", "gnss", "radar")
+PATENT = SharesBySpeed(
+    (
+        SpeedRow(50.0 / 3.6, {"imu": 0.6, "gnss": 0.3, "radar": 0.1}),
+        SpeedRow(150.0 / 3.6, {"imu": 0.5, "gnss": 0.4, "radar": 0.1}),
+        SpeedRow(math.inf, {"imu": 0.4, "gnss": 0.4, "radar": 0.2}),
+    )
+)
+
+
+@pytest.mark.parametrize(
+    ("kmh", "expected"),
+    [(0.0, 0.6), (49.9, 0.6), (50.0, 0.5), (149.9, 0.5), (150.0, 0.4), (400.0, 0.4), (-60.0, 0.5)],
+)
+def test_the_patents_table_is_read_at_its_three_ranges_whichever_way_the_train_goes(kmh: float, expected: float) -> None:
+    assert PATENT.at(UNITS, kmh / 3.6, {})["imu"] == pytest.approx(expected)
+
+
+def test_a_failed_devices_share_goes_to_the_others_in_proportion() -> None:
+    assert PATENT.at(("imu", "radar"), 100.0 / 3.6, {}) == pytest.approx({"imu": 5.0 / 6.0, "radar": 1.0 / 6.0})
+
+
+def test_by_accuracy_who_brought_twice_as_much_gets_twice_the_share() -> None:
+    assert SharesByAccuracy().at(("a", "b"), 0.0, {"a": 2.0, "b": 1.0}) == pytest.approx({"a": 2.0 / 3.0, "b": 1.0 / 3.0})
+
+
+@given(
+    st.lists(st.sampled_from(UNITS), unique=True, min_size=1),
+    st.floats(-150.0, 150.0),
+    st.dictionaries(st.sampled_from(UNITS), st.floats(0.0, 1e6)),
+)
+def test_shares_always_sum_to_one_over_who_reports(reporting: list[str], speed: float, information: dict[str, float]) -> None:
+    for shares in (FixedShares({"imu": 0.6, "gnss": 0.4}), PATENT, SharesByAccuracy()):
+        found = shares.at(reporting, speed, information)
+        assert set(found) == set(reporting)
+        assert sum(found.values()) == pytest.approx(1.0)
+
+
+def observation(unit: str, at_ns: int, row: tuple[float, ...], variance: float) -> Observation:
+    return Observation(at_ns, 0, 0, "i", 0, unit, row, 0.0, variance)
+
+
+def test_the_roster_counts_what_each_unit_brought_in_the_last_second_against_what_is_known() -> None:
+    """J = h P hᵀ/R: gnss 2 x 4 m² / 1 m² = 8, radar 4 x 0.25 (m/s)² / 0.5 (m/s)² = 2; the radar's old one is forgotten."""
+    known = Roster([UnitRow("gnss", 0, S, True), UnitRow("radar", 1, S, True)], SharesByAccuracy(), 0)
+    known.saw(observation("radar", 8 * S, (0.0, 1.0, 0.0), 1e-6), 8 * S)
+    for k in range(4):
+        known.saw(observation("radar", 10 * S + k, (0.0, 1.0, 0.0), 0.5), 10 * S)
+    for k in range(2):
+        known.saw(observation("gnss", 10 * S + k, (1.0, 0.0, 0.0, 1.0), 1.0), 10 * S)
+    at = 10 * S + S // 2
+    presence = known.shared(known.at(at, live=True), at, 20.0, (4.0, 0.25, 0.01))
+    assert presence.shares == pytest.approx({"gnss": 0.8, "radar": 0.2})
