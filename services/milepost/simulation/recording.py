@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import csv
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -17,6 +14,7 @@ from milepost.estimation.motion import process_noise, transition
 from milepost.estimation.track import Track
 
 from .motion import KnotMotion
+from .table import Cell, degrees, read_table, utc_seconds
 
 # how receivers name their solutions in a log, and what each means
 SOLUTIONS = {
@@ -40,68 +38,38 @@ class RecordedFix:
     solution: str
 
 
+def solution(position_type: str) -> str:
+    """What a receiver's word for its solution means; `none` for words that nobody knows."""
+    return next((meaning for prefix, meaning in SOLUTIONS.items() if position_type.startswith(prefix)), "none")
+
+
+# what the logs of this form say, and where
+GNSS_LOG: dict[str, Cell] = {
+    "t_s": Cell("time_utc", utc_seconds),
+    "latitude_deg": Cell("latitude_deg", lambda text: degrees(text, 90.0)),
+    "longitude_deg": Cell("longitude_deg", lambda text: degrees(text, 180.0)),
+    "solution": Cell("position_type", solution),
+}
+
+
 def read_gnss_log(path: Path) -> list[RecordedFix]:
     """The fixes of a log, in order of time.
 
     Columns: `time_utc` (ISO 8601), `latitude_deg`, `longitude_deg`, `position_type`. Raises ValueError naming file, line
-    and field for what it cannot read.
+    and column for what it cannot read.
     """
     fixes: list[RecordedFix] = []
     start: float | None = None
-    with path.open(newline="", encoding="utf-8") as file:
-        rows = csv.DictReader(file)
-        try:
-            for row in rows:
-                t, latitude, longitude, solution = (_value(row, name) for name in COLUMNS)
-                start = t if start is None else start
-                # the receiver stamps on a grid of tenths; ISO text carries them to the millisecond
-                fixes.append(RecordedFix(round(t - start, 3), latitude, longitude, solution))
-        except UnicodeDecodeError as error:
-            raise ValueError(f"{path}: not UTF-8 text") from error
-        except csv.Error as error:
-            raise ValueError(f"{path}: line {rows.line_num + 1}: {error}") from error
-        except ValueError as error:
-            raise ValueError(f"{path}: line {rows.line_num}: {error}") from error
+    for row in read_table(path, GNSS_LOG):
+        if row.error is not None:
+            raise ValueError(f"{path}: {row.error}")
+        t = row.values.pop("t_s")
+        start = t if start is None else start
+        # the receiver stamps on a grid of tenths; ISO text carries them to the millisecond
+        fixes.append(RecordedFix(round(t - start, 3), **row.values))
     if len(fixes) < 2:
         raise ValueError(f"{path}: fewer than two fixes")
     return sorted(fixes, key=lambda fix: fix.t_s)
-
-
-def _value(row: dict[str, Any], name: str) -> Any:
-    text = row.get(name)
-    if text is None:
-        raise ValueError(f"{name}: missing")
-    try:
-        return COLUMNS[name](text)
-    except ValueError as error:
-        raise ValueError(f"{name}: {error}") from error
-
-
-def _time(text: str) -> float:
-    time = datetime.fromisoformat(text.replace("Z", "+00:00"))
-    return (time if time.tzinfo else time.replace(tzinfo=UTC)).timestamp()
-
-
-def _degrees(text: str, limit: float) -> float:
-    value = float(text)
-    if not -limit <= value <= limit:
-        raise ValueError(f"{text} is not within {limit:g} degrees of 0")
-    return value
-
-
-def _solution(position_type: str) -> str:
-    for prefix, solution in SOLUTIONS.items():
-        if position_type.startswith(prefix):
-            return solution
-    return "none"
-
-
-COLUMNS: dict[str, Callable[[str], Any]] = {
-    "time_utc": _time,
-    "latitude_deg": lambda text: _degrees(text, 90.0),
-    "longitude_deg": lambda text: _degrees(text, 180.0),
-    "position_type": _solution,
-}
 
 
 def smooth_motion(fixes: Sequence[RecordedFix], track: Track, fix_std_m: float, jerk_psd: float) -> KnotMotion:
