@@ -24,6 +24,7 @@ from milepost_schemas import (
     FusedState,
     Gaussian,
     Health,
+    InertialReading,
     LinearObservation,
     Message,
     PositionReading,
@@ -76,6 +77,14 @@ EXAMPLES: dict[str, tuple[Message, ...]] = {
             speed_mps=20.25,
             speed_std_mps=0.0625,
             course_deg=271.5,
+        ),
+    ),
+    "inertial_reading": (
+        InertialReading(
+            **head("imu"),
+            specific_force_mps2=[0.125, -0.25, -9.8125],
+            turn_rate_radps=[0.0, 0.0, 0.0125],
+            mean_over_s=0.05,
         ),
     ),
     "balise_telegram": (BaliseTelegram(**head("balise-reader"), balise_id="b00012", reader_variance_m2=0.0004),),
@@ -204,7 +213,7 @@ def without(fields: Mapping[str, Any], at: Path_) -> dict[str, Any]:
 
 
 # options of every kind of sensor beside `kind`; SIMULATED kinds can be opened on a world
-SENSOR_OPTIONS: dict[str, dict[str, Any]] = {"doppler_radar": {}, "induction_loop": {}, "gnss": {}, "balise_reader": {}}
+SENSOR_OPTIONS: dict[str, dict[str, Any]] = {"doppler_radar": {}, "induction_loop": {}, "imu": {}, "gnss": {}, "balise_reader": {}}
 REPLAYED_ONLY = {"gnss"}
 
 

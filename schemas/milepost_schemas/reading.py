@@ -63,7 +63,7 @@ TurnRate = Annotated[float, Field(ge=-100.0, le=100.0)]
 
 
 class InertialReading(Message):
-    """Means over the last `interval_s` of specific force and turn rate, on axes forward, right, down; true at mid-interval.
+    """Means over the last `mean_over_s` of specific force and turn rate, on axes forward, right, down; true at mid-interval.
 
     At rest on the level the specific force is [0, 0, -g].
     """
@@ -72,7 +72,7 @@ class InertialReading(Message):
 
     specific_force_mps2: Annotated[list[SpecificForce], Field(min_length=3, max_length=3)]
     turn_rate_radps: Annotated[list[TurnRate], Field(min_length=3, max_length=3)]
-    interval_s: Annotated[float, Field(gt=0.0, le=10.0)]
+    mean_over_s: Annotated[float, Field(ge=1e-6, le=10.0)]
 
 
 class BaliseTelegram(Message):

@@ -11,7 +11,7 @@ from typing import Literal
 from .estimate import AbsoluteFix, Estimate, Feedback
 from .health import Event, Health
 from .message import Message
-from .reading import BaliseTelegram, PositionReading, SpeedReading
+from .reading import BaliseTelegram, InertialReading, PositionReading, SpeedReading
 from .state import FusedState, Truth
 
 ROOT = "milepost/v1"
@@ -47,6 +47,16 @@ STREAMS: tuple[Stream, ...] = (
     ),
     Stream(
         "position_reading", "reading/{unit}", PositionReading, 2.5, "interactive_high", 0, True, "position from a GNSS receiver"
+    ),
+    Stream(
+        "inertial_reading",
+        "reading/{unit}",
+        InertialReading,
+        20.0,
+        "interactive_high",
+        0,
+        True,
+        "specific force and turn rate from an inertial unit",
     ),
     Stream("balise_telegram", "reading/{unit}", BaliseTelegram, None, "interactive_high", 0, True, "a balise under the reader"),
     Stream(

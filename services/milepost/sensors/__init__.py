@@ -8,6 +8,7 @@ from .balise_reader import BaliseReader
 from .base import Sensor
 from .doppler_radar import DopplerRadar
 from .gnss import Gnss
+from .imu import Imu
 from .induction_loop import InductionLoop
 
-SENSORS: dict[str, type[Sensor[Any]]] = {kind.kind: kind for kind in (DopplerRadar, InductionLoop, Gnss, BaliseReader)}
+SENSORS: dict[str, type[Sensor[Any]]] = {kind.kind: kind for kind in (DopplerRadar, InductionLoop, Imu, Gnss, BaliseReader)}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import zlib
 
 import numpy as np
@@ -29,6 +30,35 @@ class WhiteNoise:
             self._values = block_rng(self._seed, self._label, block).standard_normal(BLOCK).tolist()
             self._block = block
         return self._values[place]
+
+
+class MarkovNoise:
+    """A stationary first-order Markov process of unit variance by index, Δ apart: x ← e^(-Δ/τ) x + √(1 - e^(-2Δ/τ)) w."""
+
+    def __init__(self, seed: int, label: str, step_s: float, time_constant_s: float) -> None:
+        self._seed, self._label = seed, label
+        self._keep = math.exp(-step_s / time_constant_s)
+        self._drive = math.sqrt(-math.expm1(-2.0 * step_s / time_constant_s))
+        # the value before the first of each block: blocks are made in order, each from the end of the one before it
+        self._ends = [float(standard_normal(seed, f"{label}.start", 1)[0])]
+        self._block = -1
+        self._values: list[float] = []
+
+    def __getitem__(self, index: int) -> float:
+        block, place = divmod(index, BLOCK)
+        if block != self._block:
+            while len(self._ends) <= block:
+                self._ends.append(self._make(len(self._ends) - 1)[-1])
+            self._values, self._block = self._make(block), block
+        return self._values[place]
+
+    def _make(self, block: int) -> list[float]:
+        keep, drive, x = self._keep, self._drive, self._ends[block]
+        out = []
+        for w in block_rng(self._seed, self._label, block).standard_normal(BLOCK).tolist():
+            x = keep * x + drive * w
+            out.append(x)
+        return out
 
 
 def standard_normal(seed: int, label: str, size: int) -> NDArray[np.float64]:
