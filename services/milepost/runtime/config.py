@@ -51,7 +51,9 @@ class Train:
         """The simulated world, until its line, its recording or `until_s` ends. Raises ConfigError if there is none."""
         if self.file.world is None:
             raise ConfigError(self.path, "world", "needed for simulated or replayed units")
-        return World(self._motion(self.file.world, until_s), self.line, self.file.world.seed)
+        motion, seed = self._motion(self.file.world, until_s), self.file.world.seed
+        creep = self.file.world.creep.build(motion, self.line, seed) if self.file.world.creep else None
+        return World(motion, self.line, seed, creep)
 
     def _motion(self, world: WorldFile, until_s: float | None) -> Motion:
         motion = world.motion
@@ -92,6 +94,10 @@ def load_train(path: Path, change: Mapping[str, Any] | None = None) -> Train:
             raise ConfigError(path, "world", f"needed to replay the recording of {unit}: it owns the time")
         sensors[unit] = kind(unit, options, line)
     train = Train(path, file, line, sensors, filters)
+    if file.world is not None and file.world.creep is not None:
+        for where, unit in file.world.creep.units_named():
+            if unit not in sensors:
+                raise ConfigError(path, f"world.creep.{where}", f"{unit} is not a unit of this train")
     for where, unit in _units_of_shares(file.fusion.shares):
         if unit not in filters:
             raise ConfigError(path, f"{where}.{unit}", "is not a unit with a filter")

@@ -11,6 +11,7 @@ from milepost.estimation.fusion import RULES
 from milepost.sensors.base import DataPath
 from milepost_schemas.message import Name, PositionM, SpeedMps
 
+from .creep_file import CreepFile
 from .lines import STRICT
 
 Positive = Annotated[float, Field(gt=0.0)]
@@ -129,6 +130,7 @@ class WorldFile(BaseModel):
     model_config = STRICT
     seed: Annotated[int, Field(ge=0)] = 1
     motion: Annotated[WhiteJerkFile | RecordedFile, Field(discriminator="kind")]
+    creep: CreepFile | None = None
 
 
 class MotionModelFile(BaseModel):
