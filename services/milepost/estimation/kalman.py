@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -29,17 +29,25 @@ def update(x: Array, P: Array, h: Array, z: float, R: float) -> tuple[Array, Arr
     """
     g = P @ h
     K = g / (h @ g + R)
-    A = P - np.outer(K, g)
-    P_new = A - np.outer(A @ h, K) + R * np.outer(K, K)
+    A = P - K[:, None] * g
+    P_new = A + (R * K - A @ h)[:, None] * K
     return x + K * (z - h @ x), 0.5 * (P_new + P_new.T)
+
+
+# sensors on a grid repeat the same few intervals for ever; those that do not must not fill the memory
+KEPT_INTERVALS = 256
 
 
 @dataclass(frozen=True)
 class ArrayKernel:
-    """The two steps over a layout with private states, as the timeline needs them: opaque states in, opaque states out."""
+    """The two steps over a layout with private states, as the timeline needs them: opaque states in, opaque states out.
+
+    F and Q are kept by interval: making them costs three times as much as using them.
+    """
 
     layout: Layout
     jerk_psd: float
+    _steps: dict[float, tuple[Array, Array]] = field(default_factory=dict, repr=False, compare=False)
 
     def pack(self, mean: Array, covariance: Array) -> tuple[Array, Array]:
         """A belief in the kernel's own form."""
@@ -62,8 +70,13 @@ class ArrayKernel:
 
     def advance(self, state: tuple[Array, Array], dt_s: float) -> tuple[Array, Array]:
         """The belief `dt_s` seconds later."""
-        F = full_transition(dt_s, self.layout)
-        return predict(*state, F, full_process_noise(dt_s, self.jerk_psd, self.layout))
+        step = self._steps.get(dt_s)
+        if step is None:
+            if len(self._steps) >= KEPT_INTERVALS:
+                self._steps.clear()
+            step = full_transition(dt_s, self.layout), full_process_noise(dt_s, self.jerk_psd, self.layout)
+            self._steps[dt_s] = step
+        return predict(*state, *step)
 
     def observe(self, state: tuple[Array, Array], row: tuple[float, ...], value: float, variance: float) -> tuple[Array, Array]:
         """The belief after one observation."""
