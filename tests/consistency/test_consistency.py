@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from milepost.cli.evaluate import Heard
 from milepost.estimation.kalman import predict, update
 from milepost.estimation.layout import Layout
 from milepost.estimation.motion import full_process_noise, full_transition
+from milepost.evaluation.heard import Heard
 from milepost.runtime.config import Train, load_train
 from milepost.runtime.offline import simulate
 from milepost.runtime.roles import prior

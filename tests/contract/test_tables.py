@@ -184,6 +184,14 @@ def test_nodes_know_neither_zenoh_nor_a_clock_nor_who_runs_them(path: Path) -> N
         assert not is_of(name, "milepost.cli"), f"{id_of(path)} imports {name}"
 
 
+@pytest.mark.parametrize("path", modules(SERVICES), ids=id_of)
+def test_only_commands_know_the_evaluation_and_it_knows_no_command(path: Path) -> None:
+    room = path.relative_to(SERVICES).parts[0]
+    for name in imports(path):
+        assert room in {"evaluation", "cli"} or not is_of(name, "milepost.evaluation"), f"{id_of(path)} imports {name}"
+        assert room != "evaluation" or not is_of(name, "milepost.cli"), f"{id_of(path)} imports {name}"
+
+
 @pytest.mark.parametrize("path", modules(SERVICES / "sensors") + modules(SERVICES / "simulation"), ids=id_of)
 def test_sensors_and_simulation_know_neither_clock_nor_bus_nor_nodes_nor_the_timeline(path: Path) -> None:
     for name in imports(path):

@@ -13,7 +13,7 @@ from typing import Any
 
 import pytest
 
-from milepost.cli.evaluate import Heard
+from milepost.evaluation.heard import Heard
 from milepost.runtime.config import load_scenario
 from milepost.runtime.offline import simulate
 

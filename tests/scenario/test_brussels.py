@@ -10,8 +10,9 @@ import pytest
 import yaml
 from harness import PERIOD_NS, ROOT, at
 
-from milepost.cli.evaluate import Heard, evaluate_once, withheld_fixes
-from milepost.cli.scoring import score_withheld
+from milepost.evaluation.heard import Heard
+from milepost.evaluation.scenario_run import evaluate_once, withheld_fixes
+from milepost.evaluation.scoring import score_withheld
 from milepost.runtime.config import load_scenario
 from milepost.runtime.offline import OFFLINE_START_NS, simulate
 from milepost.runtime.scenario_file import ScenarioFile
@@ -125,7 +126,7 @@ class TestRefused:
         def begun(*_: Any) -> None:
             pytest.fail("the work was begun")
 
-        monkeypatch.setattr("milepost.cli.evaluate.simulate", begun)
+        monkeypatch.setattr("milepost.evaluation.scenario_run.simulate", begun)
         with pytest.raises(ConfigError) as refused:
             evaluate_once(scenario, 1, None, lambda done_s: None)
         return str(refused.value)

@@ -4,59 +4,15 @@ from __future__ import annotations
 
 import json
 from contextlib import ExitStack
-from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, TextIO
+from typing import Any
 
-import numpy as np
-
-from milepost.estimation.centralised import centralised
-from milepost.estimation.timeline import Observation
-from milepost.nodes.base import Output
-from milepost.nodes.observations import of_fix, of_reading
-from milepost.runtime.config import Train, load_scenario
-from milepost.runtime.offline import OFFLINE_START_NS, simulate
-from milepost.runtime.roles import full_layout, prior
-from milepost.runtime.scenario_file import ScenarioFile
+from milepost.evaluation.scenario_run import evaluate_once, summary
+from milepost.runtime.config import load_scenario
 from milepost.runtime.yaml_files import ConfigError
-from milepost.simulation.recording import RecordedFix, read_gnss_log
-from milepost_schemas import AbsoluteFix, FusedState, Truth
 
 from .progress import progress_bar
 from .recording import write_line
-from .scoring import Estimates, largest_difference_in_sigmas, score, score_withheld
-
-
-@dataclass
-class Heard:
-    """What one offline run said: truth, observations (made from readings and fixes, not from estimates), states."""
-
-    train: Train
-    record: TextIO | None = None
-    truth: dict[int, tuple[float, float, float]] = field(default_factory=dict)
-    observations: list[Observation] = field(default_factory=list)
-    live: dict[int, FusedState] = field(default_factory=dict)
-    settled: dict[int, FusedState] = field(default_factory=dict)
-
-    def tap(self, output: Output, now_ns: int) -> None:
-        """One message on the bus."""
-        message = output.message
-        if self.record is not None:
-            write_line(self.record, self.train.name, output, now_ns)
-        if isinstance(message, Truth):
-            self.truth[message.measured_at_ns] = (message.position_m, message.speed_mps, message.acceleration_mps2)
-        elif isinstance(message, FusedState):
-            self.live[message.measured_at_ns] = message
-        elif isinstance(message, AbsoluteFix):
-            order = list(self.train.sensors).index(message.reader)
-            self.observations.append(of_fix(message, order))
-        elif output.stream.endswith("_reading"):
-            order = list(self.train.sensors).index(message.unit)
-            self.observations += of_reading(message, order, self.train.sensors[message.unit].observe(message, None))
-
-    def keep(self, state: FusedState) -> None:
-        """One settled state."""
-        self.settled[state.measured_at_ns] = state
 
 
 def run_evaluate(path: Path, seed: int | None, runs: int, as_json: bool, plot: Path | None, record: Path | None) -> int:
@@ -72,117 +28,29 @@ def run_evaluate(path: Path, seed: int | None, runs: int, as_json: bool, plot: P
     scenario, _ = load_scenario(path)
     first = scenario.seed if seed is None else seed
     results = []
-    with progress_bar(scenario.scenario, runs * 2 * scenario.duration_s) as show:
+    with ExitStack() as stack:
+        kept = stack.enter_context(record.open("w", encoding="utf-8")) if record is not None else None
+        show = stack.enter_context(progress_bar(scenario.scenario, runs * 2 * scenario.duration_s))
         for run in range(runs):
             done = run * 2 * scenario.duration_s
-            result, heard, others = evaluate_once(
-                path, first + run, record if run == 0 else None, lambda t, d=done: show(d + t)
-            )
+            also = None
+            if kept is not None and run == 0:
+                also = lambda output, now_ns: write_line(kept, output.message.train, output, now_ns)  # noqa: E731
+            result, heard, others = evaluate_once(path, first + run, also, lambda t, d=done: show(d + t))
             results.append(result)
             if plot is not None and run == 0:
                 _import_plotting()(plot, scenario, heard, others)
-    result = results[0] if runs == 1 else _summary(results)
+    result = results[0] if runs == 1 else summary(results)
     print(json.dumps(result) if as_json else _table(result))
     return 0
 
 
 def _import_plotting() -> Any:
     try:
-        from .plotting import draw
+        from milepost.evaluation.plotting import draw
     except ImportError as error:
         raise ConfigError("evaluate", "--plot", "needs matplotlib: pip install 'milepost[plot]'") from error
     return draw
-
-
-def evaluate_once(path: Path, seed: int, record: Path | None, show: Any) -> tuple[dict[str, Any], Heard, dict[str, Estimates]]:
-    """One seed: the figures, what was said, and every estimator's states."""
-    scenario, train = load_scenario(path, seed)
-    # what cannot be compared afterwards is said before the work, not after it
-    for unit in scenario.alone:
-        if unit not in train.fused_units:
-            raise ConfigError(path, "alone", f"{unit} has no filter in {train.path}")
-    fixes = withheld_fixes(path, scenario, train) if scenario.withheld is not None else []
-    with ExitStack() as stack:
-        file = stack.enter_context(record.open("w", encoding="utf-8")) if record is not None else None
-        heard = Heard(train, file)
-        simulate(train, scenario.duration_s, heard.tap, heard.keep, show)
-    _, federated_train = load_scenario(path, seed, rule="federated")
-    federated = Heard(federated_train)
-    simulate(federated_train, scenario.duration_s, federated.tap, None, lambda t: show(scenario.duration_s + t))
-    estimators: dict[str, Estimates] = {
-        "fused": _of_states(heard.settled),
-        "federated": _of_states(federated.live),
-        "centralised": _centralised(heard, train, None),
-    }
-    for unit in scenario.alone:
-        estimators[f"{unit}_only"] = _centralised(heard, train, unit)
-    result: dict[str, Any] = {"scenario": scenario.scenario, "seed": seed, "duration_s": scenario.duration_s}
-    result["estimators"] = {
-        name: score(estimates, heard.truth, OFFLINE_START_NS, scenario.speed_after_s) for name, estimates in estimators.items()
-    }
-    fused, best = result["estimators"]["fused"], result["estimators"]["centralised"]
-    result["fused_over_centralised"] = fused["position_rms_m"] / best["position_rms_m"]
-    result["fused_minus_centralised_max_sigma"] = largest_difference_in_sigmas(estimators["fused"], estimators["centralised"])
-    if scenario.withheld is not None:
-        period_ns = train.file.fusion.period_ms * 1_000_000
-        result |= score_withheld(heard.settled, fixes, train.line, OFFLINE_START_NS, period_ns)
-    return result, heard, estimators
-
-
-def withheld_fixes(path: Path, scenario: ScenarioFile, train: Train) -> list[RecordedFix]:
-    """The RTK fixes of the withheld span. Raises ConfigError where the filters would see them, or there is none to see."""
-    withheld = scenario.withheld
-    assert withheld is not None
-    options: Any = train.sensors[withheld.unit].options if withheld.unit in train.sensors else None
-    if getattr(options, "recording", None) is None:
-        raise ConfigError(path, "withheld.unit", f"{withheld.unit} has no recording")
-    if not any(a <= withheld.from_s and withheld.to_s <= b for a, b in options.withhold_s):
-        raise ConfigError(path, "withheld", f"units.{withheld.unit}.withhold_s does not cover it")
-    if withheld.to_s > scenario.duration_s:
-        raise ConfigError(path, "withheld.to_s", f"the run ends before, after {scenario.duration_s:g} s")
-    recorded = read_gnss_log(options.recording)
-    fixes = [fix for fix in recorded if withheld.from_s <= fix.t_s < withheld.to_s and fix.solution == "rtk_fixed"]
-    if not fixes:
-        raise ConfigError(path, "withheld", f"{withheld.unit} has no RTK fix in it")
-    return fixes
-
-
-def _of_states(states: dict[int, FusedState]) -> Estimates:
-    return {at: ((s.position_m, s.speed_mps, s.acceleration_mps2), s.covariance) for at, s in states.items()}
-
-
-def _centralised(heard: Heard, train: Train, unit: str | None) -> Estimates:
-    chosen = [o for o in heard.observations if unit is None or o.unit == unit]
-    layout = full_layout(train) if unit is None else full_layout(train).only([unit])
-    begins_ns = min(o.measured_at_ns for o in heard.observations)
-    results = centralised(chosen, sorted(heard.truth), layout, train.file.motion_model.jerk_psd_m2ps5, prior(train), begins_ns)
-    return {at: (mean, covariance) for at, mean, covariance in results}
-
-
-def _summary(results: list[dict[str, Any]]) -> dict[str, Any]:
-    """Medians over the runs, and the worst of each figure under `worst`."""
-    out = {
-        "scenario": results[0]["scenario"],
-        "seed": results[0]["seed"],
-        "duration_s": results[0]["duration_s"],
-        "runs": len(results),
-    }
-    estimators: dict[str, Any] = {}
-    for name, figures in results[0]["estimators"].items():
-        values = {key: [r["estimators"][name][key] for r in results] for key in figures}
-        estimators[name] = {key: float(np.median(v)) for key, v in values.items()}
-        estimators[name]["worst"] = {key: max(v) for key, v in values.items()}
-    out["estimators"] = estimators
-    for key in (
-        "fused_over_centralised",
-        "fused_minus_centralised_max_sigma",
-        "withheld_fixes",
-        "withheld_max_m",
-        "withheld_outside_interval",
-    ):
-        if key in results[0]:
-            out[key] = max(r[key] for r in results)
-    return out
 
 
 def _table(result: dict[str, Any]) -> str:
