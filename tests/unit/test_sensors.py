@@ -367,7 +367,7 @@ def gnss(path: Path, **options: Any) -> Any:
 
 def test_recorded_fixes_come_at_their_own_pace_counted_from_the_first(tmp_path: Path) -> None:
     path = write_log(tmp_path, [row(54.4), row(54.8), row(55.2, 4.502), row(59.9)])
-    source = gnss(path).open(None, 0.0)
+    source = gnss(path).source(None, 0.0)
     ready = []
     while (t := source.next_s()) is not None:
         measured = source.read()
@@ -378,15 +378,15 @@ def test_recorded_fixes_come_at_their_own_pace_counted_from_the_first(tmp_path: 
 
 def test_a_replay_opened_later_goes_on_from_there(tmp_path: Path) -> None:
     receiver = gnss(write_log(tmp_path, [row(50.0 + 0.4 * i, 4.5 + 0.001 * i) for i in range(20)]))
-    whole = readings(receiver.open(None, 0.0))
+    whole = readings(receiver.source(None, 0.0))
     for from_s in (0.0, 0.4, 1.0, 7.6, 8.0):
-        assert readings(receiver.open(None, from_s)) == [m for m in whole if m.measured_s >= from_s]
+        assert readings(receiver.source(None, from_s)) == [m for m in whole if m.measured_s >= from_s]
 
 
 @pytest.mark.parametrize("written", SOLUTIONS)
 def test_what_the_receiver_calls_a_solution_is_understood(tmp_path: Path, written: str) -> None:
     path = write_log(tmp_path, [row(1.0, solution=written), row(2.0)])
-    fix = readings(gnss(path).open(None, 0.0))[0]
+    fix = readings(gnss(path).source(None, 0.0))[0]
     assert fix.fields == {"latitude_deg": 50.9, "longitude_deg": 4.501, "solution": SOLUTIONS[written]}
     PositionReading(**head("gnss"), **fix.fields)
 

@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
-from milepost.sensors.base import Sensor, Source
+from pydantic import ValidationError
+
+from milepost.sensors.base import Measured, Sensor, Source
 from milepost_schemas import BY_NAME
 
 from .base import Node, Output
@@ -21,6 +23,7 @@ class SensorNode(Node):
         self._stream = sensor.stream
         self._message = BY_NAME[sensor.stream].message
         self._source = source
+        self._source_skips: dict[str, int] = getattr(source, "skipped", {})
         self._start_ns = start_ns
         self._withheld = [(span[0], span[1]) for span in sensor.options.withhold_s]
         self._next_ns = self._ready_ns()
@@ -41,7 +44,28 @@ class SensorNode(Node):
             self._next_ns = self._ready_ns()
             if measured is None or (self._withheld and any(a <= measured.measured_s < b for a, b in self._withheld)):
                 continue
-            at = self._start_ns + round(measured.measured_s * NS)
-            out.append(Output(self._stream, self.unit, self._message(**self.head(self._stream, at, now_ns), **measured.fields)))
+            out += self._reading(measured, now_ns)
+        out += self._skipped(now_ns)
         self.finished = self._next_ns is None
         return out
+
+    def _reading(self, measured: Measured, now_ns: int) -> Iterable[Output]:
+        at = self._start_ns + round(measured.measured_s * NS)
+        try:
+            message = self._message(**self.head(self._stream, at, now_ns), **measured.fields)
+        except ValidationError as error:
+            self._sequences[self._stream] -= 1
+            first = error.errors(include_url=False)[0]
+            text = f"{self.unit}: {'.'.join(map(str, first['loc']))}: {first['msg']}"
+            return self.refuse("invalid_reading", text, now_ns)
+        return (Output(self._stream, self.unit, message),)
+
+    def _skipped(self, now_ns: int) -> Iterable[Output]:
+        """What the source itself could not use, by its own count."""
+        for reason, count in self._source_skips.items():
+            told = self.refusals.counts.get(reason, 0)
+            if count > told:
+                if not told:
+                    text = getattr(self._source, "told", {}).get(reason, f"{self.unit}: {reason}")
+                    yield self.event("warning", f"refused_{reason}", text, now_ns)
+                self.refusals.counts[reason] = count

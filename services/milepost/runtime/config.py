@@ -13,8 +13,11 @@ from milepost.estimation.filters.base import LocalFilter
 from milepost.estimation.track import Line
 from milepost.sensors import SENSORS
 from milepost.sensors.base import Sensor, World
+from milepost.sensors.column_map import check_map
+from milepost.sensors.column_options import RecordingOptions
 from milepost.simulation.motion import Motion, Profile, WhiteJerkMotion
 from milepost.simulation.recording import read_gnss_log, smooth_motion
+from milepost_schemas import BY_NAME
 
 from .lines import load_line
 from .scenario_file import ScenarioFile
@@ -89,9 +92,6 @@ def load_train(path: Path, change: Mapping[str, Any] | None = None) -> Train:
         options = validate(path, entry, kind.options_model, f"units.{unit}")
         if options.filter is not None:
             filters[unit] = _filter(path, f"units.{unit}.filter", options.filter)
-        _check_recording(path, unit, options)
-        if file.world is None and options.source == "recording":
-            raise ConfigError(path, "world", f"needed to replay the recording of {unit}: it owns the time")
         sensors[unit] = kind(unit, options, line)
     train = Train(path, file, line, sensors, filters)
     if file.world is not None and file.world.creep is not None:
@@ -103,6 +103,8 @@ def load_train(path: Path, change: Mapping[str, Any] | None = None) -> Train:
             raise ConfigError(path, f"{where}.{unit}", "is not a unit with a filter")
     if not train.fused_units:
         raise ConfigError(path, "units", "no unit has a filter")
+    for unit, sensor in train.sensors.items():
+        _check_source(train, unit, sensor)
     _check_geometry(train)
     return train
 
@@ -125,13 +127,23 @@ def _units_of_shares(shares: Any) -> Iterator[tuple[str, str]]:
         yield from (("fusion.shares", unit) for unit in shares)
 
 
-def _check_recording(path: Path, unit: str, options: Any) -> None:
-    if options.source == "recording":
-        recording = getattr(options, "recording", None)
-        if recording is None:
-            raise ConfigError(path, f"units.{unit}.recording", "needed with `source: recording`")
-        if not recording.is_file():
-            raise ConfigError(path, f"units.{unit}.recording", f"{recording}: no such file")
+def _check_source(train: Train, unit: str, sensor: Sensor[Any]) -> None:
+    options, place = sensor.options, f"units.{unit}"
+    origin = None if options.source == "simulation" else getattr(options, options.source, None)
+    if options.source != "simulation" and origin is None:
+        raise ConfigError(train.path, f"{place}.{options.source}", f"needed with `source: {options.source}`")
+    if isinstance(origin, RecordingOptions):
+        try:
+            check_map(origin, BY_NAME[sensor.stream].message)
+        except ValueError as error:
+            raise ConfigError(train.path, f"{place}.recording", str(error)) from error
+    file = getattr(origin, "file", None)
+    if file is not None and not file.is_file():
+        raise ConfigError(train.path, f"{place}.{options.source}", f"{file}: no such file")
+    if file is not None and train.file.world is None:
+        raise ConfigError(train.path, "world", f"needed to replay the recording of {unit}: it owns the time")
+    if origin is not None and file is None and train.file.world is not None:
+        raise ConfigError(train.path, f"{place}.receiver", "a live receiver keeps real time: it cannot stand beside a `world`")
 
 
 def _check_geometry(train: Train) -> None:

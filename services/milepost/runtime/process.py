@@ -65,7 +65,9 @@ def run_process(train: Train, role_name: str, unit: str, options: ProcessOptions
     set_up_log(name)
     world = train.world(options.duration_s) if role.uses_world and train.file.world else None
     # built once before anything is declared, so that a mistake in the configuration shows before anything starts
-    node = role.build(train, unit, Setting(instance, world))
+    # without a world scenario time is UTC, and begins now
+    from_s = 0.0 if train.file.world else Clock().now_ns() / NS
+    node = role.build(train, unit, Setting(instance, world, from_s=from_s))
     # opening waits for a router inside Zenoh, where Python cannot see a signal
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     with open_session(zenoh_config.client(options.endpoints)) as session:

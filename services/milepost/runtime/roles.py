@@ -64,8 +64,8 @@ def _world(train: Train, unit: str, setting: Setting) -> Node:  # noqa: ARG001
 def _sensor(train: Train, unit: str, setting: Setting) -> Node:
     sensor = train.sensors[unit]
     try:
-        source = sensor.open(setting.world, setting.from_s)
-    except ValueError as error:
+        source = sensor.source(setting.world, setting.from_s)
+    except (ValueError, OSError, ImportError) as error:
         raise ConfigError(train.path, f"units.{unit}", str(error)) from error
     return SensorNode(train.name, setting.instance, sensor, source, setting.start_ns)
 

@@ -6,24 +6,22 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Annotated, Any, ClassVar, Generic, Literal, NamedTuple, Protocol, TypeVar
 
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationInfo
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 from milepost.estimation.layout import Array, PrivateState
 from milepost.estimation.notice import Notice
 from milepost.estimation.track import Line
 from milepost.simulation.motion import Motion
 from milepost.simulation.noise import standard_normal
+from milepost_schemas import BY_NAME
 
-
-def _resolve(value: object, info: ValidationInfo) -> object:
-    """A path is meant from the folder of the file that names it."""
-    if isinstance(value, str):
-        base = (info.context or {}).get("folder", Path())
-        return (Path(base) / value).resolve()
-    return value
+from .column_map import CsvSource
+from .column_options import DataPath as DataPath
+from .column_options import RecordingOptions
+from .measured import Measured as Measured
+from .measured import Source as Source
 
 
 def _forward(span: list[float]) -> list[float]:
@@ -33,7 +31,6 @@ def _forward(span: list[float]) -> list[float]:
 
 
 Span = Annotated[list[float], Field(min_length=2, max_length=2), AfterValidator(_forward)]
-DataPath = Annotated[Path, BeforeValidator(_resolve)]
 
 
 class SensorOptions(BaseModel):
@@ -42,7 +39,8 @@ class SensorOptions(BaseModel):
     model_config = ConfigDict(strict=True, frozen=True, extra="forbid", allow_inf_nan=False)
 
     kind: str
-    source: Literal["simulation", "recording"] = "simulation"
+    source: Literal["simulation", "recording", "receiver"] = "simulation"
+    recording: RecordingOptions | None = None
     filter: str | dict[str, Any] | None = "kalman"
     withhold_s: list[Span] = Field(default_factory=list, description="spans [from, to) of scenario time without readings")
 
@@ -60,24 +58,6 @@ class Observed(NamedTuple):
     row: tuple[float, ...]
     value: float
     variance: float
-
-
-@dataclass(frozen=True, slots=True)
-class Measured:
-    """A reading that is not a message yet: the scenario time at which it is true, and its fields."""
-
-    measured_s: float
-    fields: dict[str, Any]
-
-
-class Source(Protocol):
-    """Where readings come from, on scenario time."""
-
-    def next_s(self) -> float | None:
-        """When the next reading is ready; None when there will be no more."""
-
-    def read(self) -> Measured | None:
-        """Take that reading; None where the sensor has nothing to say this time."""
 
 
 class WheelCreep(Protocol):
@@ -152,6 +132,14 @@ class Sensor(ABC, Generic[O]):
     def notices(self) -> list[Notice]:
         """Nothing: a sensor by itself sees one reading at a time."""
         return []
+
+    def source(self, world: World | None, from_s: float) -> Source:
+        """Where the train file takes the readings from: a recording, for any kind of sensor, or what the kind itself opens."""
+        if self.options.source != "recording":
+            return self.open(world, from_s)
+        if self.options.recording is None:
+            raise ValueError(f"{self.unit}: `source: recording` needs a `recording`")
+        return CsvSource(self.options.recording, BY_NAME[self.stream].message, from_s)
 
     @abstractmethod
     def open(self, world: World | None, from_s: float) -> Source:

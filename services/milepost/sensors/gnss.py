@@ -5,14 +5,34 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Annotated
 
-from pydantic import Field
+from pydantic import BeforeValidator, Field
 
-from milepost.simulation.recording import RecordedFix, read_gnss_log
+from milepost.simulation.recording import SOLUTIONS
 from milepost_schemas import PositionReading
 
-from .base import Belief, DataPath, Measured, Observed, Sensor, SensorOptions, Source, World
+from .base import Belief, Observed, Sensor, SensorOptions, Source, World
+from .column_options import RecordingOptions
+from .receiver import ReceiverOptions, open_receiver
 
 Std = Annotated[float, Field(gt=0.0)]
+
+
+WORDS = {f"{word}*": means for word, means in SOLUTIONS.items()} | {"*": "none"}
+
+
+def _of_path(value: object) -> object:
+    """A bare path is a log with the columns of `simulation.recording`."""
+    if not isinstance(value, str):
+        return value
+    return {
+        "file": value,
+        "time": {"column": "time_utc", "unit": "iso8601"},
+        "columns": {
+            "latitude_deg": {"column": "latitude_deg", "unit": "deg"},
+            "longitude_deg": {"column": "longitude_deg", "unit": "deg"},
+            "solution": {"column": "position_type", "values": WORDS},
+        },
+    }
 
 
 class GnssOptions(SensorOptions):
@@ -21,7 +41,8 @@ class GnssOptions(SensorOptions):
     `cross_track_limit_m`: a fix farther from the track than this cannot be this train and does not count.
     """
 
-    recording: DataPath | None = None
+    recording: Annotated[RecordingOptions | None, BeforeValidator(_of_path)] = None
+    receiver: ReceiverOptions | None = None
     rate_hz: Annotated[float, Field(gt=0.0, le=100.0)] = 2.5
     position_std_m: dict[str, Std] = Field(default_factory=lambda: {"rtk_fixed": 0.1})
     cross_track_limit_m: Std = 10.0
@@ -53,22 +74,7 @@ class Gnss(Sensor[GnssOptions]):
         return (Observed((1.0, 0.0, 0.0), seen.position_m, std * std),)
 
     def open(self, world: World | None, from_s: float) -> Source:  # noqa: ARG002
-        """The recorded fixes, at their own pace."""
-        if self.options.source != "recording" or self.options.recording is None:
-            raise ValueError(f"{self.unit}: a {self.kind} needs `source: recording` and a `recording`")
-        return _Replayed(read_gnss_log(self.options.recording), from_s)
-
-
-class _Replayed:
-    def __init__(self, fixes: list[RecordedFix], from_s: float) -> None:
-        self._fixes = [fix for fix in fixes if fix.t_s >= from_s]
-        self._place = 0
-
-    def next_s(self) -> float | None:
-        return self._fixes[self._place].t_s if self._place < len(self._fixes) else None
-
-    def read(self) -> Measured:
-        fix = self._fixes[self._place]
-        self._place += 1
-        fields = {"latitude_deg": fix.latitude_deg, "longitude_deg": fix.longitude_deg, "solution": fix.solution}
-        return Measured(fix.t_s, fields)
+        """The fixes of a receiver."""
+        if self.options.source != "receiver" or self.options.receiver is None:
+            raise ValueError(f"{self.unit}: a {self.kind} needs a `recording` or a `receiver`")
+        return open_receiver(self.options.receiver, from_s)

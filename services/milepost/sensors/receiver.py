@@ -11,8 +11,9 @@ from typing import Annotated, Any, Literal, Protocol
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from .base import DataPath, Measured, Source
+from .column_options import DataPath
 from .epochs import Decoder, Fix
+from .measured import Measured, Source
 from .nmea import NmeaDecoder
 from .ubx import UbxDecoder
 
