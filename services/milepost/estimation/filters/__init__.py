@@ -4,7 +4,14 @@ from __future__ import annotations
 
 from typing import Any
 
+from .adaptive_kalman import AdaptiveKalmanFilter
 from .base import LocalFilter
+from .h_infinity import HInfinityFilter
 from .kalman import KalmanFilter
+from .rls import PuRlsFilter, RlsFilter
+from .robust_kalman import RobustKalmanFilter
 
-FILTERS: dict[str, type[LocalFilter[Any]]] = {kind.kind: kind for kind in (KalmanFilter,)}
+FILTERS: dict[str, type[LocalFilter[Any]]] = {
+    kind.kind: kind
+    for kind in (KalmanFilter, AdaptiveKalmanFilter, RobustKalmanFilter, HInfinityFilter, RlsFilter, PuRlsFilter)
+}

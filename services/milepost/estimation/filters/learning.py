@@ -1,0 +1,78 @@
+"""Filters that learn from their readings before the belief takes them: what may be learned from, and what is expected."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Sequence
+from typing import Generic, NamedTuple, TypeVar
+
+import numpy as np
+
+from ..motion import full_transition
+from ..timeline import NS, Observation
+from .base import FilterSetup, LocalFilter, O
+
+S = TypeVar("S")
+
+
+class Expected(NamedTuple):
+    """What the belief expects of an observation: h x̂ and h P hᵀ."""
+
+    value: float
+    variance: float
+
+
+class LearningFilter(LocalFilter[O], Generic[O, S]):
+    """One learner S for each component of a reading, in the order of time.
+
+    A reading learns only if it is later than every one before it and would not be refused: what comes late or twice, or
+    is stamped wildly, is judged by what is known and teaches nothing. Memory: one learner for each component.
+    """
+
+    def __init__(self, setup: FilterSetup, options: O) -> None:
+        super().__init__(setup, options)
+        self._learners: dict[int, tuple[int, S]] = {}
+
+    @abstractmethod
+    def learner(self, observation: Observation) -> S:
+        """A new learner, from the first observation of a component."""
+
+    @abstractmethod
+    def learn(self, learner: S, observation: Observation, dt_s: float) -> Observation:
+        """Learn from an observation `dt_s` after the last (0 for the first); returns what the belief takes."""
+
+    @abstractmethod
+    def judge(self, learner: S, observation: Observation) -> Observation:
+        """What the belief takes of an observation that teaches nothing."""
+
+    def prepare(self, observations: Sequence[Observation], now_ns: int) -> Sequence[Observation]:
+        """A reading's observations with what was learned."""
+        return [self._prepared(o, now_ns) for o in observations]
+
+    def _prepared(self, observation: Observation, now_ns: int) -> Observation:
+        at = observation.measured_at_ns
+        if self.estimator.timeline.untimely(at, now_ns) is not None:
+            return observation
+        last = self._learners.get(observation.component)
+        if last is not None and at <= last[0]:
+            return self.judge(last[1], observation)
+        learner = self.learner(observation) if last is None else last[1]
+        self._learners[observation.component] = (at, learner)
+        return self.learn(learner, observation, 0.0 if last is None else (at - last[0]) * NS)
+
+    def expected(self, observation: Observation) -> Expected:
+        """h x̂ and c = β h P hᵀ at an observation's time.
+
+        Times β, because a belief that takes feedback is P_g/β and grows with Q/β: β P is the fused covariance carried
+        forward, which is how far off h x̂ really is. Feedback newer than the observation does not contain it; it is carried
+        back, x(t) = F(-τ) x(t + τ), the process noise over τ neglected.
+        """
+        estimator, at = self.estimator, observation.measured_at_ns
+        h = np.array(estimator.layout.lift(observation.unit, observation.row))
+        base_ns = estimator.timeline.base_ns
+        if base_ns is not None and base_ns > at:
+            h = h @ full_transition((at - base_ns) * NS, estimator.layout)
+            at = base_ns
+        belief = estimator.state_at(at) or estimator.layout.prior(self.setup.prior.mean, self.setup.prior.std)
+        mean, covariance = belief
+        return Expected(float(h @ mean), max(estimator.share * float(h @ covariance @ h), 0.0))
