@@ -14,8 +14,9 @@ import numpy as np
 from .gaussian import check_share, inflate_common, replace_common
 from .kalman import ArrayKernel
 from .layout import N_COMMON, Array, Layout
+from .motion import full_process_noise, full_transition
 from .scalar import ScalarKernel
-from .timeline import Counters, Observation, Timeline
+from .timeline import NS, Counters, Observation, Timeline
 
 
 @dataclass(frozen=True)
@@ -85,6 +86,21 @@ class Estimator:
         """Mean (n) and covariance (n, n) at a time; None before the earliest observation."""
         state = self._timeline.state_at(at_ns)
         return None if state is None else self._kernel.unpack(state)
+
+    def belief_at(self, at_ns: int) -> tuple[Array, Array] | None:
+        """What is believed of a time, also of one before the feedback that it all rests on; None where nothing is known.
+
+        Backwards, x(t) = F⁻¹ (x - w): P ← F⁻¹ (P + Q) F⁻ᵀ. The path between is taken as unseen, so P is never too small
+        for an observation that is true before the feedback and did not enter it.
+        """
+        base_ns, state = self._timeline.base_ns, self.state_at(at_ns)
+        if state is not None or base_ns is None:
+            return state
+        mean, covariance = self._kernel.unpack(self._timeline.state_at(base_ns))
+        dt_s = (base_ns - at_ns) * NS
+        F = full_transition(-dt_s, self.layout)
+        noise = full_process_noise(dt_s, self._jerk_psd / self._share, self.layout)
+        return F @ mean, F @ (covariance + noise) @ F.T
 
     def lists_at(self, at_ns: int) -> tuple[list[float], list[list[float]]] | None:
         """The same as lists, for messages: the hot path makes no array of nine numbers."""

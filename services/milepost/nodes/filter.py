@@ -68,7 +68,7 @@ class FilterNode(Node):
         if reason is not None:
             yield from self.refuse_reading(self.unit, reading.sequence, reading.instance, reason, now_ns)
             return
-        belief = estimator.state_at(reading.measured_at_ns) if self._needs_belief else None
+        belief = estimator.belief_at(reading.measured_at_ns) if self._needs_belief else None
         observed = self._observer.observe(reading, None if belief is None else Belief(*belief))
         offered = of_reading(reading, self._order, observed)
         counted, refused = self._filter.take(offered, now_ns)
@@ -103,8 +103,9 @@ class FilterNode(Node):
         if self._feedback is not None and epoch <= self._feedback.measured_at_ns:
             self.refusals.add("duplicate" if epoch == self._feedback.measured_at_ns else "superseded")
             return
-        # a unit that does not count gets no feedback; but one that has never had any must begin somewhere
-        if share <= 0.0 and self._feedback is None:
+        # a unit that does not count gets no feedback; but one that has never had any must begin somewhere, and one that
+        # holds its readings back must know when they are right again
+        if share <= 0.0 and (self._feedback is None or self._observer.holds_back):
             share = self._estimator.share
         if share < LEAST_SHARE:
             return

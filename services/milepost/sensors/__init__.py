@@ -10,5 +10,8 @@ from .doppler_radar import DopplerRadar
 from .gnss import Gnss
 from .imu import Imu
 from .induction_loop import InductionLoop
+from .odometer import Odometer
 
-SENSORS: dict[str, type[Sensor[Any]]] = {kind.kind: kind for kind in (DopplerRadar, InductionLoop, Imu, Gnss, BaliseReader)}
+SENSORS: dict[str, type[Sensor[Any]]] = {
+    kind.kind: kind for kind in (DopplerRadar, InductionLoop, Odometer, Imu, Gnss, BaliseReader)
+}

@@ -90,6 +90,10 @@ class Observer(Protocol):
     def notices(self) -> list[Notice]:
         """What a person should read since the last time it was asked."""
 
+    @property
+    def holds_back(self) -> bool:
+        """Whether it lets no reading count for the time being, against the fused state that it must go on hearing."""
+
 
 O = TypeVar("O", bound=SensorOptions)  # noqa: E741
 
@@ -132,6 +136,11 @@ class Sensor(ABC, Generic[O]):
     def notices(self) -> list[Notice]:
         """Nothing: a sensor by itself sees one reading at a time."""
         return []
+
+    @property
+    def holds_back(self) -> bool:
+        """Never, for the same reason."""
+        return False
 
     def source(self, world: World | None, from_s: float) -> Source:
         """Where the train file takes the readings from: a recording, for any kind of sensor, or what the kind itself opens."""
