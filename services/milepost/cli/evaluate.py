@@ -5,10 +5,12 @@ from __future__ import annotations
 import json
 from contextlib import ExitStack
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
 
-from milepost.evaluation.scenario_run import evaluate_once, summary
+from milepost.evaluation.scenario_run import evaluate_once
+from milepost.evaluation.summary import summary
 from milepost.runtime.config import load_scenario
+from milepost.runtime.memory_bus import Tap
 from milepost.runtime.yaml_files import ConfigError
 
 from .progress import progress_bar
@@ -33,16 +35,18 @@ def run_evaluate(path: Path, seed: int | None, runs: int, as_json: bool, plot: P
         show = stack.enter_context(progress_bar(scenario.scenario, runs * 2 * scenario.duration_s))
         for run in range(runs):
             done = run * 2 * scenario.duration_s
-            also = None
-            if kept is not None and run == 0:
-                also = lambda output, now_ns: write_line(kept, output.message.train, output, now_ns)  # noqa: E731
-            result, heard, others = evaluate_once(path, first + run, also, lambda t, d=done: show(d + t))
+            also = _writer(kept) if kept is not None and run == 0 else None
+            result, _, traces = evaluate_once(path, first + run, also, lambda t: show(done + t))  # noqa: B023
             results.append(result)
             if plot is not None and run == 0:
-                _import_plotting()(plot, scenario, heard, others)
+                _import_plotting()(plot, scenario, traces)
     result = results[0] if runs == 1 else summary(results)
     print(json.dumps(result) if as_json else _table(result))
     return 0
+
+
+def _writer(file: TextIO) -> Tap:
+    return lambda output, now_ns: write_line(file, output.message.train, output, now_ns)
 
 
 def _import_plotting() -> Any:

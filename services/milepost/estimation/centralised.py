@@ -1,52 +1,93 @@
-"""The centralised filter: all observations at once, sorted, one pass. What every other result is measured against."""
+"""The centralised filter: all readings at once, sorted, one pass. What every other result is measured against."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
+from typing import NamedTuple
 
 import numpy as np
 
 from .estimator import Prior
 from .kalman import predict, update
-from .layout import Array, Layout
+from .layout import PLACES_OF_COMMON, Array, Layout
 from .motion import full_process_noise, full_transition
-from .timeline import NS, Observation
+from .timeline import NS
+
+# sensors on a grid repeat the same few intervals for ever; those that do not must not fill the memory
+KEPT_INTERVALS = 1024
+
+Row = tuple[tuple[float, ...], float, float]
+
+
+class Reading(NamedTuple):
+    """One reading at its place in time, (`measured_at_ns`, `order`, `sequence`, `instance`).
+
+    `observe` turns it into rows (h, z, R) over [s, v, a, own private], given the mean (n) and covariance (n, n) of these.
+    """
+
+    measured_at_ns: int
+    order: int
+    sequence: int
+    instance: str
+    unit: str
+    observe: Callable[[Array, Array], Iterable[Row]]
 
 
 def centralised(
-    observations: Iterable[Observation],
+    readings: Iterable[Reading],
     epochs_ns: Iterable[int],
     layout: Layout,
     jerk_psd: float,
     prior: Prior,
     begins_ns: int | None = None,
 ) -> Iterator[tuple[int, Array, Array]]:
-    """The optimal estimate at each epoch: (epoch, mean (n), covariance (n, n)), from all observations until then.
+    """The optimal estimate at each epoch, from all readings until then: (epoch, mean (n), covariance (n, n)).
 
-    The prior sits at the earliest observation, or at `begins_ns` before it. Epochs before it are passed over.
+    An extended Kalman filter over the full state: each reading is linearised at what all readings before it say. For linear
+    sensors it is the Kalman filter. The prior sits at the earliest reading, or at `begins_ns`, before which no reading says
+    anything. Epochs before it are passed over.
     """
-    ordered = sorted(observations, key=lambda o: o[:5])
+    ordered = sorted(readings, key=lambda reading: reading[:4])
     if not ordered:
         return
+    steps = _Steps(layout, jerk_psd)
     x, P = layout.prior(prior.mean, prior.std)
     at, place = ordered[0].measured_at_ns if begins_ns is None else begins_ns, 0
     for epoch in sorted(epochs_ns):
         if epoch < at:
             continue
         while place < len(ordered) and ordered[place].measured_at_ns <= epoch:
-            o = ordered[place]
-            x, P = _carry(x, P, (o.measured_at_ns - at) * NS, layout, jerk_psd)
-            x, P = update(x, P, _row(o, layout), o.value, o.variance)
-            at = o.measured_at_ns
+            reading = ordered[place]
+            x, P = steps.carry(x, P, reading.measured_at_ns - at)
+            x, P = _take(x, P, reading, layout)
+            at = max(at, reading.measured_at_ns)
             place += 1
-        yield epoch, *_carry(x, P, (epoch - at) * NS, layout, jerk_psd)
+        yield epoch, *steps.carry(x, P, epoch - at)
 
 
-def _carry(x: Array, P: Array, dt_s: float, layout: Layout, jerk_psd: float) -> tuple[Array, Array]:
-    if dt_s <= 0.0:
-        return x, P
-    return predict(x, P, full_transition(dt_s, layout), full_process_noise(dt_s, jerk_psd, layout))
+def _take(x: Array, P: Array, reading: Reading, layout: Layout) -> tuple[Array, Array]:
+    own = layout.indices.get(reading.unit, PLACES_OF_COMMON)
+    rows = reading.observe(x, P) if len(own) == layout.dimension else reading.observe(x[list(own)], P[np.ix_(own, own)])
+    for row, value, variance in rows:
+        x, P = update(x, P, np.array(layout.lift(reading.unit, row)), value, variance)
+    return x, P
 
 
-def _row(observation: Observation, layout: Layout) -> Array:
-    return np.array(layout.lift(observation.unit, observation.row))
+class _Steps:
+    """F and Q by interval: making them costs three times as much as using them."""
+
+    def __init__(self, layout: Layout, jerk_psd: float) -> None:
+        self._layout, self._jerk_psd = layout, jerk_psd
+        self._kept: dict[int, tuple[Array, Array]] = {}
+
+    def carry(self, x: Array, P: Array, dt_ns: int) -> tuple[Array, Array]:
+        if dt_ns <= 0:
+            return x, P
+        step = self._kept.get(dt_ns)
+        if step is None:
+            if len(self._kept) >= KEPT_INTERVALS:
+                self._kept.clear()
+            dt_s = dt_ns * NS
+            step = full_transition(dt_s, self._layout), full_process_noise(dt_s, self._jerk_psd, self._layout)
+            self._kept[dt_ns] = step
+        return predict(x, P, *step)

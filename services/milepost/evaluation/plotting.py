@@ -2,34 +2,32 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import matplotlib
 
 matplotlib.use("Agg")
 
 import matplotlib.pyplot as plt
-import numpy as np
 
-from milepost.runtime.offline import OFFLINE_START_NS
 from milepost.runtime.scenario_file import ScenarioFile
 
+from .trace import Trace
 
-def draw(path: Path, scenario: ScenarioFile, heard: Any, estimators: dict[str, Any]) -> None:
+
+def draw(path: Path, scenario: ScenarioFile, traces: Mapping[str, Trace]) -> None:
     """Two panels over time: position error with the published interval, speed error."""
     figure, (above, below) = plt.subplots(2, 1, figsize=(10, 7), sharex=True, layout="constrained")
-    for name, estimates in estimators.items():
-        epochs = sorted(set(estimates) & set(heard.truth))
-        t = np.array([(k - OFFLINE_START_NS) * 1e-9 for k in epochs])
-        errors = np.array([np.asarray(estimates[k][0])[:2] - np.asarray(heard.truth[k])[:2] for k in epochs])
+    for name, trace in traces.items():
         style = {"linestyle": "--", "color": "black"} if name == "centralised" else {}
-        above.plot(t, errors[:, 0], label=name, linewidth=1.0, **style)
-        below.plot(t, errors[:, 1], label=name, linewidth=1.0, **style)
-    epochs = sorted(set(heard.settled) & set(heard.truth))
-    t = np.array([(k - OFFLINE_START_NS) * 1e-9 for k in epochs])
-    reach = np.array([heard.settled[k].position_max_m - heard.settled[k].position_m for k in epochs])
-    above.fill_between(t, -reach, reach, alpha=0.12, label="published interval")
+        above.plot(trace.t_s, trace.errors[:, 0], label=name, linewidth=1.0, **style)
+        below.plot(trace.t_s, trace.errors[:, 1], label=name, linewidth=1.0, **style)
+    ours = traces.get("fused")
+    if ours is not None and ours.bounds is not None:
+        position, speed = (ours.truth + ours.errors)[:, :2].T
+        above.fill_between(ours.t_s, *(ours.bounds[:, :2].T - position), alpha=0.12, label="published interval")
+        below.fill_between(ours.t_s, *(ours.bounds[:, 2:].T - speed), alpha=0.12)
     above.set_ylabel("position error [m]")
     below.set_ylabel("speed error [m/s]")
     below.set_xlabel("time [s]")

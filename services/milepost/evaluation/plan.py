@@ -1,0 +1,175 @@
+"""A scenario file made ready: every train of every condition loaded and everything checked, before any work."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from milepost.runtime.config import Train, load_scenario, load_train
+from milepost.runtime.scenario_file import Builtin, ScenarioFile, VariantFile, Window
+from milepost.runtime.yaml_files import ConfigError, merged, validate
+from milepost.sensors.base import World
+from milepost.simulation.recording import RecordedFix, read_gnss_log
+
+from .scores import SCORES, Figure, Score
+from .trace import Trace
+
+CREEP_AT_LEAST = 1e-4
+
+
+@dataclass(frozen=True)
+class Asked:
+    """One figure that the scenario asks for: a row of the table of scores, its options, the window it is limited to."""
+
+    key: str
+    score: Score
+    options: Any
+    window: Window | None
+
+    def of(self, trace: Trace, train: Train, world: World | None) -> Figure | None:
+        """The figure; None where the estimator has no such thing, or the window holds none of its epochs."""
+        if self.window is not None:
+            inside = epochs_within(self.window, trace, train, world)
+            if not inside.any():
+                return None
+            trace = trace.within(inside)
+        return self.score.compute(trace, train, self.options)
+
+
+@dataclass(frozen=True)
+class Case:
+    """One condition: the scenario's own (`name` is empty) or a variant's, and the trains to be run under it.
+
+    `rivals`: estimator → its train, those with nodes of their own beside the scenario's.
+    """
+
+    name: str
+    train: Train
+    rivals: Mapping[str, Train]
+    compare: tuple[Builtin, ...]
+    alone: tuple[str, ...]
+    asked: tuple[Asked, ...]
+    fixes: tuple[RecordedFix, ...]
+
+    @property
+    def runs(self) -> int:
+        """How many trains are run."""
+        return len(self.rivals) + 1
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A scenario on one seed."""
+
+    path: Path
+    scenario: ScenarioFile
+    seed: int
+    cases: tuple[Case, ...]
+
+    @property
+    def work_s(self) -> float:
+        """Seconds of scenario time to be run in all."""
+        return sum(case.runs for case in self.cases) * self.scenario.duration_s
+
+
+def make_plan(path: Path, seed: int | None = None) -> Plan:
+    """Load and check a scenario. Raises ConfigError."""
+    scenario, _ = load_scenario(path, seed)
+    seed = scenario.seed if seed is None else seed
+    cases = [_case(path, scenario, seed, "", VariantFile())]
+    cases += [_case(path, scenario, seed, name, variant) for name, variant in scenario.variants.items()]
+    _check_claims(path, scenario)
+    return Plan(path, scenario, seed, tuple(cases))
+
+
+def _case(path: Path, scenario: ScenarioFile, seed: int, name: str, variant: VariantFile) -> Case:
+    place = f"variants.{name}." if name else ""
+    common = [scenario.change, variant.change, {"world": {"seed": seed}}]
+    train = _train(path, scenario, common, f"{place}change")
+    compare = scenario.compare if variant.compare is None else variant.compare
+    rivals = {}
+    if "federated" in compare:
+        rivals["federated"] = _train(path, scenario, [*common, {"fusion": {"rule": "federated"}}], f"{place}change")
+    for chosen in scenario.estimators if variant.estimators is None else variant.estimators:
+        if chosen not in scenario.estimators:
+            raise ConfigError(path, f"{place}estimators", f"{chosen} is not among the scenario's estimators")
+        told = scenario.estimators[chosen]
+        rule = [{"fusion": {"rule": told.rule}}] if told.rule else []
+        rivals[chosen] = _train(path, scenario, [*common, told.change, *rule], f"estimators.{chosen}")
+    alone = scenario.alone if variant.alone is None else variant.alone
+    # what cannot be compared afterwards is said before the work, not after it
+    for unit in alone:
+        if unit not in train.fused_units:
+            raise ConfigError(path, f"{place}alone", f"{unit} has no filter in {train.path}")
+    fixes = withheld_fixes(path, scenario, train) if scenario.withheld is not None else []
+    windows = {**scenario.windows, **variant.windows}
+    asked = tuple(_asked(path, key, told or {}, windows) for key, told in scenario.scores.items())
+    for each in asked:
+        if each.window == "creep" and (train.file.world is None or train.file.world.creep is None):
+            raise ConfigError(path, f"scores.{each.key}.within", "the wheels of this world do not creep")
+    return Case(name, train, rivals, tuple(compare), tuple(alone), asked, tuple(fixes))
+
+
+def _train(path: Path, scenario: ScenarioFile, changes: Iterable[Mapping[str, Any]], field: str) -> Train:
+    change: dict[str, Any] = {}
+    for each in changes:
+        change = merged(change, each)
+    try:
+        return load_train(scenario.train, change)
+    except ConfigError as error:
+        raise ConfigError(path, field, str(error)) from error
+
+
+def _asked(path: Path, key: str, told: Mapping[str, Any], windows: Mapping[str, Window]) -> Asked:
+    name, within = str(told.get("score", key)), told.get("within")
+    if name not in SCORES:
+        raise ConfigError(path, f"scores.{key}", f"{name!r} is none of {', '.join(SCORES)}")
+    if within is not None and within not in windows:
+        raise ConfigError(path, f"scores.{key}.within", f"{within!r} is none of the windows")
+    options = {option: value for option, value in told.items() if option not in ("score", "within")}
+    row = SCORES[name]
+    return Asked(key, row, validate(path, options, row.options, f"scores.{key}"), None if within is None else windows[within])
+
+
+def _check_claims(path: Path, scenario: ScenarioFile) -> None:
+    names = {*scenario.compare, *scenario.estimators, *(f"{unit}_only" for unit in scenario.alone)}
+    for number, claim in enumerate(scenario.claims):
+        if claim.variant is not None and claim.variant not in scenario.variants:
+            raise ConfigError(path, f"claims.{number}.variant", f"{claim.variant} is not among the variants")
+        for field in ("ours", "method", "optimum", "over"):
+            name = getattr(claim, field)
+            # federated and centralised are defaults: a scenario without them has no such column
+            if name is not None and name not in names and field in claim.model_fields_set:
+                raise ConfigError(path, f"claims.{number}.{field}", f"{name} is not among the estimators compared")
+
+
+def withheld_fixes(path: Path, scenario: ScenarioFile, train: Train) -> list[RecordedFix]:
+    """The RTK fixes of the withheld span. Raises ConfigError where the filters would see them, or there is none to see."""
+    withheld = scenario.withheld
+    assert withheld is not None
+    options: Any = train.sensors[withheld.unit].options if withheld.unit in train.sensors else None
+    if getattr(options, "recording", None) is None:
+        raise ConfigError(path, "withheld.unit", f"{withheld.unit} has no recording")
+    if not any(a <= withheld.from_s and withheld.to_s <= b for a, b in options.withhold_s):
+        raise ConfigError(path, "withheld", f"units.{withheld.unit}.withhold_s does not cover it")
+    if withheld.to_s > scenario.duration_s:
+        raise ConfigError(path, "withheld.to_s", f"the run ends before, after {scenario.duration_s:g} s")
+    recorded = read_gnss_log(options.recording.file)
+    fixes = [fix for fix in recorded if withheld.from_s <= fix.t_s < withheld.to_s and fix.solution == "rtk_fixed"]
+    if not fixes:
+        raise ConfigError(path, "withheld", f"{withheld.unit} has no RTK fix in it")
+    return fixes
+
+
+def epochs_within(window: Window, trace: Trace, train: Train, world: World | None) -> Any:
+    """Which of a trace's epochs lie in a window: in one of its spans, or where the wheel of any unit creeps."""
+    if window != "creep":
+        return np.any([(trace.t_s >= a) & (trace.t_s < b) for a, b in window], axis=0)
+    creep = world.creep if world is not None else None
+    if creep is None:
+        return np.zeros(len(trace.t_s), dtype=bool)
+    return np.array([any(abs(creep.at(unit, t)) >= CREEP_AT_LEAST for unit in train.sensors) for t in trace.t_s.tolist()])

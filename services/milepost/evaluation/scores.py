@@ -1,0 +1,208 @@
+"""THE TABLE OF SCORES: figures that a scenario may ask for beside the basic ones, each a function of one estimator's trace."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import BaseModel, Field
+
+from milepost.estimation.track import Line
+from milepost.runtime.config import Train
+from milepost.runtime.lines import STRICT
+from milepost.sensors.base import Span
+from milepost.simulation.recording import RecordedFix
+from milepost_schemas import FusedState
+
+from .trace import Array, Trace
+
+Figure = float | list[float] | dict[str, float]
+MPS_TO_KMH = 3.6
+
+
+class NoOptions(BaseModel):
+    """A score that needs to be told nothing."""
+
+    model_config = STRICT
+
+
+class UnitOptions(BaseModel):
+    """A score of one unit, at distances from where the run begins."""
+
+    model_config = STRICT
+    unit: str
+    at_m: list[Annotated[float, Field(gt=0.0)]]
+
+
+class StatesOptions(BaseModel):
+    """A score of private states, `unit.state`."""
+
+    model_config = STRICT
+    states: list[str]
+
+
+class GapsOptions(BaseModel):
+    """A score for each named span."""
+
+    model_config = STRICT
+    gaps: dict[str, Span]
+
+
+@dataclass(frozen=True)
+class Score:
+    """A row: what it computes (None where the estimator has no such thing), its options, and whether more is better."""
+
+    compute: Callable[[Trace, Train, Any], Figure | None]
+    options: type[BaseModel] = NoOptions
+    more_is_better: bool = False
+
+
+def basic(trace: Trace, speed_after_s: float) -> dict[str, float]:
+    """Root mean square, maximum and final errors; speed counts from `speed_after_s` on.
+
+    `nees_mean` is the mean of e P⁻¹ eᵀ over [s, v, a]: 3 for a consistent estimator.
+    """
+    late = trace.t_s >= speed_after_s
+    speed = trace.errors[late, 1] if late.any() else trace.errors[:, 1]
+    return {
+        "position_rms_m": _rms(trace.errors[:, 0]),
+        "position_max_m": float(np.abs(trace.errors[:, 0]).max()),
+        "position_final_m": float(abs(trace.errors[-1, 0])),
+        "speed_rms_mps": _rms(speed),
+        "speed_max_mps": float(np.abs(speed).max()),
+        "nees_mean": nees_mean(trace),
+    }
+
+
+def nees_mean(trace: Trace) -> float:
+    """The mean of e P⁻¹ eᵀ over [s, v, a]."""
+    scale = np.sqrt(np.einsum("kii->ki", trace.covariance))
+    normal = trace.covariance / (scale[:, :, None] * scale[:, None, :])
+    e = trace.errors / scale
+    return float(np.mean(np.einsum("ki,ki->k", e, np.linalg.solve(normal, e[:, :, None])[:, :, 0])))
+
+
+def outside_interval(trace: Trace) -> float | None:
+    """The part of all epochs at which the true position or speed is outside its published interval."""
+    if trace.bounds is None:
+        return None
+    s, v, (low, high, slow, fast) = trace.truth[:, 0], trace.truth[:, 1], trace.bounds.T
+    return float(np.mean((s < low) | (s > high) | (v < slow) | (v > fast)))
+
+
+def refresh_hz(trace: Trace) -> float | None:
+    """Live states sent, for each second from the first to the last."""
+    if trace.sent_s is None or len(trace.sent_s) < 2:
+        return None
+    return float((len(trace.sent_s) - 1) / (trace.sent_s[-1] - trace.sent_s[0]))
+
+
+def longest_gap_s(trace: Trace) -> float | None:
+    """The longest time between two live states."""
+    if trace.sent_s is None or len(trace.sent_s) < 2:
+        return None
+    return float(np.diff(trace.sent_s).max())
+
+
+def diameter_error_percent_at_m(trace: Trace, train: Train, options: UnitOptions) -> dict[str, float] | None:
+    """How far the estimated wheel diameter, told/(1 + κ̂), is off the true one, each so many metres travelled."""
+    scale = trace.private.get(f"{options.unit}.scale")
+    if scale is None:
+        return None
+    true = true_diameter_m(train, options.unit, trace.t_s)
+    if true is None:
+        return None
+    off = 100.0 * np.abs(estimated_diameter_m(train, options.unit, scale) / true - 1.0)
+    travelled = np.abs(trace.truth[:, 0] - trace.truth[0, 0])
+    places = {f"{at:g}": int(np.argmax(travelled >= at)) for at in options.at_m if travelled[-1] >= at}
+    return {at: float(off[place]) for at, place in places.items()}
+
+
+def estimated_diameter_m(train: Train, unit: str, scale: Array) -> Array:
+    """The diameter that a scale κ stands for: what the odometer is told, over 1 + κ."""
+    told: float = _odometer(train, unit).diameter_m
+    return told / (1.0 + scale)
+
+
+def true_diameter_m(train: Train, unit: str, t_s: Array) -> Array | None:
+    """The simulated wheel's diameter, wear included; None where the train file leaves it to chance."""
+    wheel = _odometer(train, unit).simulated
+    return None if wheel.diameter_m is None else wheel.diameter_m - wheel.wear_mps * t_s
+
+
+def _odometer(train: Train, unit: str) -> Any:
+    return train.sensors[unit].options
+
+
+def gap_error_m(trace: Trace, train: Train, options: GapsOptions) -> dict[str, float]:  # noqa: ARG001
+    """How much the position error grew over each gap: |error at its end - error at its beginning|."""
+    at = np.interp([t for span in options.gaps.values() for t in span], trace.t_s, trace.errors[:, 0]).reshape(-1, 2)
+    return {name: float(abs(end - begin)) for name, (begin, end) in zip(options.gaps, at, strict=True)}
+
+
+def private_at_end(trace: Trace, train: Train, options: StatesOptions) -> list[float] | None:  # noqa: ARG001
+    """Private states as they stand at the end."""
+    if not all(name in trace.private for name in options.states):
+        return None
+    return [float(trace.private[name][-1]) for name in options.states]
+
+
+def score_withheld(
+    states: Mapping[int, FusedState], fixes: Sequence[RecordedFix], line: Line, start_ns: int, period_ns: int
+) -> dict[str, float | int]:
+    """Withheld fixes against the state: the epoch before each, carried to its time by its own speed and acceleration."""
+    if line.track is None:
+        raise ValueError("withheld fixes need a line with geometry")
+    worst, outside = 0.0, 0
+    for fix in fixes:
+        at = start_ns + round(fix.t_s * 1e9)
+        state = states[at // period_ns * period_ns]
+        t = (at - state.measured_at_ns) * 1e-9
+        moved = t * (state.speed_mps + 0.5 * t * state.acceleration_mps2)
+        position = line.track.project(fix.latitude_deg, fix.longitude_deg).position_m
+        worst = max(worst, abs(state.position_m + moved - position))
+        outside += not state.position_min_m <= position - moved <= state.position_max_m
+    return {"withheld_fixes": len(fixes), "withheld_max_m": worst, "withheld_outside_interval": outside}
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def _of_errors(column: int, compute: Callable[[Array], Any], factor: float = 1.0) -> Score:
+    return Score(lambda trace, train, options: factor * float(compute(trace.errors[:, column])))  # noqa: ARG005
+
+
+def _of_trace(compute: Callable[[Trace], Figure | None], more_is_better: bool = False) -> Score:
+    return Score(lambda trace, train, options: compute(trace), more_is_better=more_is_better)  # noqa: ARG005
+
+
+def _mean_size(e: Array) -> float:
+    return float(np.mean(np.abs(e)))
+
+
+def _largest(e: Array) -> float:
+    return float(np.abs(e).max())
+
+
+SCORES: dict[str, Score] = {
+    "position_mean_m": _of_errors(0, _mean_size),
+    "position_std_m": _of_errors(0, np.std),
+    "position_rms_m": _of_errors(0, _rms),
+    "position_max_m": _of_errors(0, _largest),
+    "position_final_m": _of_errors(0, lambda e: abs(e[-1])),
+    "speed_mean_mps": _of_errors(1, _mean_size),
+    "speed_std_mps": _of_errors(1, np.std),
+    "speed_rms_mps": _of_errors(1, _rms),
+    "speed_max_mps": _of_errors(1, _largest),
+    "speed_max_kmh": _of_errors(1, _largest, MPS_TO_KMH),
+    "nees_mean": _of_trace(nees_mean),
+    "outside_interval": _of_trace(outside_interval),
+    "refresh_hz": _of_trace(refresh_hz, more_is_better=True),
+    "longest_gap_s": _of_trace(longest_gap_s),
+    "diameter_error_percent_at_m": Score(diameter_error_percent_at_m, UnitOptions),
+    "gap_error_m": Score(gap_error_m, GapsOptions),
+    "private_at_end": Score(private_at_end, StatesOptions),
+}

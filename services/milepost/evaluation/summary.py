@@ -1,0 +1,51 @@
+"""Many seeds as one: medians over them, and the worst of each figure beside."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+
+WORST_ALONE = (
+    "fused_over_centralised",
+    "fused_minus_centralised_max_sigma",
+    "withheld_fixes",
+    "withheld_max_m",
+    "withheld_outside_interval",
+)
+
+
+def summary(results: Sequence[dict[str, Any]], more_is_better: set[str] | frozenset[str] = frozenset()) -> dict[str, Any]:
+    """Medians over the runs, and the worst of each figure under `worst`: the largest, or the least of `more_is_better`."""
+    first = results[0]
+    out = {"scenario": first["scenario"], "seed": first["seed"], "duration_s": first["duration_s"], "runs": len(results)}
+    out |= _condition(results, more_is_better)
+    if "variants" in first:
+        out["variants"] = {
+            name: _condition([result["variants"][name] for result in results], more_is_better) for name in first["variants"]
+        }
+    return out
+
+
+def _condition(results: Sequence[dict[str, Any]], more_is_better: set[str] | frozenset[str]) -> dict[str, Any]:
+    estimators: dict[str, Any] = {}
+    for name, figures in results[0]["estimators"].items():
+        values = {key: [r["estimators"][name][key] for r in results if key in r["estimators"][name]] for key in figures}
+        estimators[name] = {key: over(v, _median) for key, v in values.items()}
+        estimators[name]["worst"] = {key: over(v, min if key in more_is_better else max) for key, v in values.items()}
+    alone = {key: max(r[key] for r in results) for key in WORST_ALONE if key in results[0]}
+    return {"estimators": estimators, **alone}
+
+
+def over(values: Sequence[Any], reduce: Callable[[Sequence[float]], float]) -> Any:
+    """One figure over several seeds: numbers reduced, maps and lists entry by entry."""
+    if isinstance(values[0], dict):
+        return {key: over([value[key] for value in values if key in value], reduce) for key in values[0]}
+    if isinstance(values[0], list):
+        return [reduce(entry) for entry in zip(*values, strict=False)]
+    return reduce(values)
+
+
+def _median(values: Sequence[float]) -> float:
+    return float(np.median(values))

@@ -1,0 +1,110 @@
+"""One estimator's run beside the truth, as arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from milepost.estimation.layout import N_COMMON
+from milepost.estimation.timeline import NS
+from milepost_schemas import FusedState
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Trace:
+    """K epochs that an estimator and the truth share.
+
+    `t_s` (K) scenario time, `truth` and `errors` (K, 3) of [s, v, a], `covariance` (K, 3, 3). Where there are messages:
+    `bounds` (K, 4), the published position and speed intervals; `shares` by unit (K); `sent_s`, when live states were sent.
+    `private` and `private_std` (K), by `unit.state`.
+    """
+
+    t_s: Array
+    truth: Array
+    errors: Array
+    covariance: Array
+    bounds: Array | None = None
+    sent_s: Array | None = None
+    shares: Mapping[str, Array] = field(default_factory=dict)
+    private: Mapping[str, Array] = field(default_factory=dict)
+    private_std: Mapping[str, Array] = field(default_factory=dict)
+
+    def within(self, inside: Any) -> Trace:
+        """The epochs for which `inside` (K, of booleans) says so."""
+        return replace(
+            self,
+            t_s=self.t_s[inside],
+            truth=self.truth[inside],
+            errors=self.errors[inside],
+            covariance=self.covariance[inside],
+            bounds=None if self.bounds is None else self.bounds[inside],
+            shares={name: values[inside] for name, values in self.shares.items()},
+            private={name: values[inside] for name, values in self.private.items()},
+            private_std={name: values[inside] for name, values in self.private_std.items()},
+        )
+
+
+def trace_of_beliefs(
+    beliefs: Mapping[int, tuple[Any, Any]], truth: Mapping[int, Sequence[float]], start_ns: int, names: Sequence[str] = ()
+) -> Trace:
+    """A trace of epoch → (mean (n), covariance (n, n)); `names` of all n states, where there are private ones.
+
+    Raises ValueError where no epoch has both.
+    """
+    epochs = sorted(set(beliefs) & set(truth))
+    if not epochs:
+        raise ValueError("no epoch has both an estimate and a truth")
+    means = np.array([beliefs[k][0] for k in epochs])
+    covariances = np.array([beliefs[k][1] for k in epochs])
+    true = np.array([truth[k] for k in epochs])
+    columns = {name: i for i, name in enumerate(names) if i >= N_COMMON}
+    return Trace(
+        (np.array(epochs) - start_ns) * NS,
+        true,
+        means[:, :N_COMMON] - true,
+        covariances[:, :N_COMMON, :N_COMMON],
+        private={name: means[:, i] for name, i in columns.items()},
+        private_std={name: np.sqrt(covariances[:, i, i]) for name, i in columns.items()},
+    )
+
+
+def trace_of_states(
+    states: Mapping[int, FusedState],
+    truth: Mapping[int, Sequence[float]],
+    start_ns: int,
+    live: Mapping[int, FusedState],
+    private: Mapping[int, tuple[list[float], list[float]]],
+    names: Sequence[str],
+) -> Trace:
+    """A trace of what a fuser said: `states` are scored, `live` ones tell when they were sent, `private` what went back.
+
+    Raises ValueError where no epoch has both a state and a truth.
+    """
+    beliefs = {at: ((s.position_m, s.speed_mps, s.acceleration_mps2), s.covariance) for at, s in states.items()}
+    trace = trace_of_beliefs(beliefs, truth, start_ns)
+    chosen = [states[at] for at in sorted(set(states) & set(truth))]
+    said = [{sensor.unit: sensor.share for sensor in state.sensors} for state in chosen]
+    nothing = [float("nan")] * len(names[N_COMMON:])
+    of_private = np.array([private.get(state.measured_at_ns, (nothing, nothing)) for state in chosen])
+    own = list(enumerate(names[N_COMMON:]))
+    return replace(
+        trace,
+        bounds=np.array([(s.position_min_m, s.position_max_m, s.speed_min_mps, s.speed_max_mps) for s in chosen]),
+        sent_s=np.array([(s.published_at_ns - start_ns) * NS for s in live.values()]),
+        shares={unit: np.array([row.get(unit, 0.0) for row in said]) for unit in sorted({u for row in said for u in row})},
+        private={name: of_private[:, 0, i] for i, name in own},
+        private_std={name: np.sqrt(of_private[:, 1, i]) for i, name in own},
+    )
+
+
+def largest_difference_in_sigmas(ours: Trace, reference: Trace) -> float:
+    """The largest difference of two estimators' states, in the reference's standard deviations."""
+    _, mine, theirs = np.intersect1d(ours.t_s, reference.t_s, return_indices=True)
+    sigma = np.sqrt(np.einsum("kii->ki", reference.covariance[theirs]))
+    return float(np.abs((ours.errors[mine] - reference.errors[theirs]) / sigma).max())
