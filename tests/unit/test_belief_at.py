@@ -22,11 +22,12 @@ def test_nothing_is_believed_where_nothing_is_known() -> None:
     assert estimator(SCALED).belief_at(NS) is None
 
 
+@pytest.mark.parametrize("share", [1.0, 0.25])
 @pytest.mark.parametrize("states", [3, 4])
-def test_a_belief_goes_back_before_its_feedback_along_the_motion(states: int) -> None:
-    """0.1 s before: 1000 - 2 + 0.0025 m, 19.95 m/s. P_vv = 0.01 + 0.01² · 0.09 + q T³/3, with w and F⁻¹ w: the same."""
+def test_a_belief_goes_back_before_its_feedback_along_the_motion(states: int, share: float) -> None:
+    """0.1 s before: 1000 - 2 + 0.0025 m, 19.95 m/s. P_vv = 0.01 + 0.01² · 0.09 + q T³/3, whatever the share."""
     filter_ = estimator(SCALED if states == 4 else Layout())
-    assert filter_.accept_feedback(10 * NS, MEAN[:states], P[:states, :states], 1.0)
+    assert filter_.accept_feedback(10 * NS, MEAN[:states], P[:states, :states], share)
     assert filter_.state_at(10 * NS - NS // 10) is None
     believed = filter_.belief_at(10 * NS - NS // 10)
     assert believed is not None

@@ -90,17 +90,18 @@ class Estimator:
     def belief_at(self, at_ns: int) -> tuple[Array, Array] | None:
         """What is believed of a time, also of one before the feedback that it all rests on; None where nothing is known.
 
-        Backwards, x(t) = F⁻¹ (x - w): P ← F⁻¹ (P + Q) F⁻ᵀ. The path between is taken as unseen, so P is never too small
-        for an observation that is true before the feedback and did not enter it.
+        Backwards, x(t) = F⁻¹ (x - w): P ← F⁻¹ (P + Q) F⁻ᵀ, from the fused P and q themselves, not divided by the share. The
+        path between is taken as unseen, so P is not too small for an observation that is true before the feedback and did
+        not enter it.
         """
         base_ns, state = self._timeline.base_ns, self.state_at(at_ns)
         if state is not None or base_ns is None:
             return state
-        mean, covariance = self._kernel.unpack(self._timeline.state_at(base_ns))
+        mean, shared = self._kernel.unpack(self._timeline.state_at(base_ns))
+        fused = replace_common(mean, shared, mean[:N_COMMON], self._share * shared[:N_COMMON, :N_COMMON])[1]
         dt_s = (base_ns - at_ns) * NS
         F = full_transition(-dt_s, self.layout)
-        noise = full_process_noise(dt_s, self._jerk_psd / self._share, self.layout)
-        return F @ mean, F @ (covariance + noise) @ F.T
+        return F @ mean, F @ (fused + full_process_noise(dt_s, self._jerk_psd, self.layout)) @ F.T
 
     def lists_at(self, at_ns: int) -> tuple[list[float], list[list[float]]] | None:
         """The same as lists, for messages: the hot path makes no array of nine numbers."""
