@@ -29,7 +29,7 @@ class ErrorModel:
     """
 
     degrees: float = 4.0
-    longest: float = 0.97
+    longest: float = 0.93
 
     def weight(self, q: float) -> float:
         """ω."""

@@ -8,7 +8,8 @@ from .adaptive_kalman import AdaptiveKalmanFilter
 from .base import LocalFilter
 from .h_infinity import HInfinityFilter
 from .kalman import KalmanFilter
-from .rls import PuRlsFilter, RlsFilter
+from .pu_rls import PuRlsFilter
+from .rls import RlsFilter
 from .robust_kalman import RobustKalmanFilter
 
 FILTERS: dict[str, type[LocalFilter[Any]]] = {

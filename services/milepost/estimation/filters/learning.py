@@ -8,7 +8,6 @@ from typing import Generic, NamedTuple, TypeVar
 
 import numpy as np
 
-from ..motion import full_transition
 from ..timeline import NS, Observation
 from .base import FilterSetup, LocalFilter, O
 
@@ -61,18 +60,17 @@ class LearningFilter(LocalFilter[O], Generic[O, S]):
         return self.learn(learner, observation, 0.0 if last is None else (at - last[0]) * NS)
 
     def expected(self, observation: Observation) -> Expected:
-        """h x̂ and c = β h P hᵀ at an observation's time.
+        """h x̂ and c, the variance of h (x - x̂), at an observation's time.
 
-        Times β, because a belief that takes feedback is P_g/β and grows with Q/β: β P is the fused covariance carried
-        forward, which is how far off h x̂ really is. Feedback newer than the observation does not contain it; it is carried
-        back, x(t) = F(-τ) x(t + τ), the process noise over τ neglected.
+        c = β h P hᵀ, because a belief that takes feedback is P_g/β and grows with Q/β: β P is the fused covariance carried
+        forward, which is how far off h x̂ really is. Of a time before the feedback it is the fused belief carried back, which
+        is not divided by β.
         """
         estimator, at = self.estimator, observation.measured_at_ns
         h = np.array(estimator.layout.lift(observation.unit, observation.row))
-        base_ns = estimator.timeline.base_ns
-        if base_ns is not None and base_ns > at:
-            h = h @ full_transition((at - base_ns) * NS, estimator.layout)
-            at = base_ns
-        belief = estimator.state_at(at) or estimator.layout.prior(self.setup.prior.mean, self.setup.prior.std)
-        mean, covariance = belief
-        return Expected(float(h @ mean), max(estimator.share * float(h @ covariance @ h), 0.0))
+        base_ns, share = estimator.timeline.base_ns, estimator.share
+        if base_ns is not None and at < base_ns:
+            share = 1.0
+        prior = self.setup.prior
+        mean, covariance = estimator.belief_at(at) or estimator.layout.prior(prior.mean, prior.std / np.sqrt(share))
+        return Expected(float(h @ mean), max(share * float(h @ covariance @ h), 0.0))

@@ -1,0 +1,49 @@
+"""PU-RLS before a Kalman filter."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from ..pu_rls import ErrorModel, SwarmTunedSmoother, Tuning
+from ..timeline import Observation
+from .options import fraction, positive
+from .prefilter import PreFilter, Smoother
+
+
+@dataclass(frozen=True)
+class PuRlsOptions:
+    """`memory`: readings over which σ is estimated; `longest` λ; `degrees` ν; the swarm's bounds and seed (see `pu_rls`)."""
+
+    memory: int = 15
+    longest: float = 0.93
+    degrees: float = 4.0
+    particles: int = 6
+    generations: int = 2
+    window: int = 16
+    every: int = 10
+    seed: int = 1
+
+    def __post_init__(self) -> None:
+        positive(self, "memory", "degrees", "particles", "generations", "every")
+        fraction(self, "longest")
+        if not self.longest > 0.7:
+            raise ValueError("longest: must be above 0.7")
+        if not 4 <= self.window <= 200:
+            raise ValueError("window: must lie between 4 and 200")
+
+
+class PuRlsFilter(PreFilter[PuRlsOptions]):
+    """PU-RLS (see `pu_rls.SwarmTunedSmoother`). Source: C (1)-(12)."""
+
+    kind = "pu_rls"
+    options_model = PuRlsOptions
+
+    def learner(self, observation: Observation) -> Smoother:
+        """It begins with the stated R."""
+        o = self.options
+        return SwarmTunedSmoother(
+            observation.variance,
+            o.memory,
+            ErrorModel(o.degrees, o.longest),
+            Tuning(o.particles, o.generations, o.window, o.every, o.seed),
+        )
