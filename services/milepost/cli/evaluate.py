@@ -11,10 +11,10 @@ from milepost.evaluation.scenario_run import evaluate_once
 from milepost.evaluation.summary import summary
 from milepost.runtime.config import load_scenario
 from milepost.runtime.memory_bus import Tap
+from milepost.runtime.recording import write_line
 from milepost.runtime.yaml_files import ConfigError
 
 from .progress import progress_bar
-from .recording import write_line
 
 
 def run_evaluate(path: Path, seed: int | None, runs: int, as_json: bool, plot: Path | None, record: Path | None) -> int:

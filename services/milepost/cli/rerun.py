@@ -8,11 +8,11 @@ from pathlib import Path
 
 from milepost.runtime.config import load_train
 from milepost.runtime.offline import replay
+from milepost.runtime.recording import Reader
 from milepost.runtime.yaml_files import ConfigError
 from milepost_schemas import FusedState
 
 from .progress import progress_bar
-from .recording import Reader
 
 ORIGINS = {"readings": ("reading",), "estimates": ("estimate", "fix")}
 

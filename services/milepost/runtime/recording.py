@@ -9,8 +9,9 @@ from pathlib import Path
 from typing import Any, TextIO
 
 from milepost.nodes.base import Output, Refusals
-from milepost.runtime.config import Train
 from milepost_schemas import BY_NAME, ROOT, STREAMS, Message, Refused, from_fields
+
+from .config import Train
 
 # a clock that is farther off than this is none, and time would have to be gone through epoch by epoch
 FARTHEST_NS = 3600 * 10**9
