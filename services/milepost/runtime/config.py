@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,13 +14,11 @@ from milepost.sensors import SENSORS
 from milepost.sensors.base import Sensor, World
 from milepost.sensors.column_map import check_map
 from milepost.sensors.column_options import RecordingOptions
-from milepost.simulation.motion import Motion, Profile, WhiteJerkMotion
-from milepost.simulation.recording import read_gnss_log, smooth_motion
 from milepost_schemas import BY_NAME
 
 from .lines import load_line
 from .scenario_file import ScenarioFile
-from .train_file import BySpeedFile, RecordedFile, TrainFile, WorldFile
+from .train_file import BySpeedFile, TrainFile
 from .yaml_files import ConfigError, merged, read_yaml, validate, validate_dataclass
 
 
@@ -54,29 +51,14 @@ class Train:
         """The simulated world, until its line, its recording or `until_s` ends. Raises ConfigError if there is none."""
         if self.file.world is None:
             raise ConfigError(self.path, "world", "needed for simulated or replayed units")
-        motion, seed = self._motion(self.file.world, until_s), self.file.world.seed
-        creep = self.file.world.creep.build(motion, self.line, seed) if self.file.world.creep else None
+        file, seed = self.file.world, self.file.world.seed
+        try:
+            motion = file.motion.build(self.line, seed, until_s)
+        except ValueError as error:
+            field, _, text = str(error).partition(": ")
+            raise ConfigError(self.path, f"world.motion.{field}", text) from error
+        creep = file.creep.build(motion, self.line, seed) if file.creep else None
         return World(motion, self.line, seed, creep)
-
-    def _motion(self, world: WorldFile, until_s: float | None) -> Motion:
-        motion = world.motion
-        if isinstance(motion, RecordedFile):
-            try:
-                if self.line.track is None:
-                    raise ValueError("a recorded motion needs a line with geometry")
-                fixes = read_gnss_log(motion.gnss_log)
-                recorded = smooth_motion(fixes, self.line.track, motion.fix_std_m, motion.jerk_psd_m2ps5)
-            except (ValueError, OSError) as error:
-                raise ConfigError(self.path, "world.motion.gnss_log", str(error)) from error
-            recorded.end_s = min(recorded.end_s, until_s) if until_s else recorded.end_s
-            return recorded
-        profile = Profile([(corner[0], corner[1]) for corner in motion.profile], motion.start_m)
-        end_s = profile.reaches(self.line.length_m - 50.0)
-        if until_s is None and math.isinf(end_s):
-            raise ConfigError(self.path, "world.motion.profile", "never reaches the line's end; give a duration")
-        return WhiteJerkMotion(
-            profile, min(end_s, until_s or end_s), motion.jerk_psd_m2ps5, motion.driver_time_s, motion.start_std, world.seed
-        )
 
 
 def load_train(path: Path, change: Mapping[str, Any] | None = None) -> Train:

@@ -13,6 +13,7 @@ from milepost_schemas.message import Name, PositionM, SpeedMps
 
 from .creep_file import CreepFile
 from .lines import STRICT
+from .motion_file import MotionFile
 
 Positive = Annotated[float, Field(gt=0.0)]
 
@@ -95,41 +96,12 @@ class FusionFile(BaseModel):
         return self
 
 
-class WhiteJerkFile(BaseModel):
-    """A simulated motion: a seeded white-jerk path around a speed profile of [time s, speed m/s] corners."""
-
-    model_config = STRICT
-    kind: Literal["white_jerk"]
-    profile: Annotated[list[Annotated[list[float], Field(min_length=2, max_length=2)]], Field(min_length=1)]
-    start_m: PositionM = 0.0
-    jerk_psd_m2ps5: Annotated[float, Field(ge=0.0)]
-    driver_time_s: Annotated[float, Field(ge=30.0)] | None = None
-    start_std: Annotated[list[Annotated[float, Field(ge=0.0)]], Field(min_length=3, max_length=3)] = [0.0, 0.0, 0.0]
-
-    @model_validator(mode="after")
-    def _increasing(self) -> WhiteJerkFile:
-        times = [corner[0] for corner in self.profile]
-        if times[0] != 0.0 or any(b <= a for a, b in pairwise(times)):
-            raise ValueError("profile: times must start at 0 and increase")
-        return self
-
-
-class RecordedFile(BaseModel):
-    """A motion that a GNSS log's RTK fixes show."""
-
-    model_config = STRICT
-    kind: Literal["recorded"]
-    gnss_log: DataPath
-    fix_std_m: Positive = 0.01
-    jerk_psd_m2ps5: Positive = 0.01
-
-
 class WorldFile(BaseModel):
     """The train that is not there. Absent on a real train."""
 
     model_config = STRICT
     seed: Annotated[int, Field(ge=0)] = 1
-    motion: Annotated[WhiteJerkFile | RecordedFile, Field(discriminator="kind")]
+    motion: MotionFile
     creep: CreepFile | None = None
 
 

@@ -112,3 +112,30 @@ def smooth_motion(fixes: Sequence[RecordedFix], track: Track, fix_std_m: float, 
         knots = np.vstack([[s + v * t + 0.5 * a * t * t, v + a * t, a], knots])
         times = np.concatenate([[0.0], times])
     return KnotMotion(times, knots)
+
+
+ECEF_COLUMNS = ("t_s", "ecef_x_m", "ecef_y_m", "ecef_z_m", "ecef_vx_mps", "ecef_vy_mps", "ecef_vz_mps")
+ECEF_PATH: dict[str, Cell] = {name: Cell(name, float) for name in ECEF_COLUMNS}
+
+
+def path_motion(path: Path, track: Track) -> KnotMotion:
+    """The motion along a track of a path recorded in earth-centred metres and metres a second, from its first row on.
+
+    Position: the chainage of the nearest point; speed: the velocity's size; acceleration: central differences of the
+    speed. Raises ValueError naming file, line and column for what it cannot read.
+    """
+    import pyproj  # slow to import, and few recordings need it
+
+    rows = []
+    for row in read_table(path, ECEF_PATH):
+        if row.error is not None:
+            raise ValueError(f"{path}: {row.error}")
+        rows.append([row.values[name] for name in ECEF_PATH])
+    table = np.array(rows, dtype=float)
+    if len(table) < 4 or not np.all(np.diff(table[:, 0]) > 0.0):
+        raise ValueError(f"{path}: four rows at least, at increasing times, are needed")
+    times = table[:, 0] - table[0, 0]
+    longitude, latitude, _ = pyproj.Transformer.from_crs("EPSG:4978", "EPSG:4979", always_xy=True).transform(*table[:, 1:4].T)
+    s = np.array([track.project(lat, lon).position_m for lat, lon in zip(latitude, longitude, strict=True)])
+    v = np.linalg.norm(table[:, 4:7], axis=1)
+    return KnotMotion(times, np.column_stack([s, v, np.gradient(v, times)]))
