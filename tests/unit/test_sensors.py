@@ -16,7 +16,8 @@ from examples import REPLAYED_ONLY, head, options_of, sensor, straight_line, wor
 from milepost.estimation.track import Line, Track
 from milepost.sensors import SENSORS
 from milepost.sensors.base import Measured, SensorOptions, Source, World
-from milepost.sensors.induction_loop import LONGEST_BOUND_S, Crossings
+from milepost.sensors.induction_loop import Crossings
+from milepost.sensors.pulses import LONGEST_BOUND_S
 from milepost.simulation.recording import read_gnss_log
 from milepost_schemas import BY_NAME, PositionReading, SpeedReading
 

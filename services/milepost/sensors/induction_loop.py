@@ -14,9 +14,7 @@ from milepost.simulation.motion import Motion
 from milepost.simulation.noise import BLOCK, block_rng
 
 from .base import Belief, Measured, Observed, PeriodicSource, Sensor, SensorOptions, Source, World
-
-# silence longer than this says where the train is, not how fast it goes now
-LONGEST_BOUND_S = 4.0
+from .pulses import Silence
 
 
 class InductionLoopOptions(SensorOptions):
@@ -106,8 +104,7 @@ class _Simulated(PeriodicSource):
         self._k = self._crossings.last_before(self._s)
         self._next_m = self._crossings.position(self._k + 1)
         self._pulse_s: float | None = None
-        self._silent_since_s = self._t
-        self._bound_after_s = self.period_s
+        self._silence = Silence(self._t, self.period_s)
 
     def sample(self, index: int, t_s: float) -> Measured | None:  # noqa: ARG002
         from_s, from_m = self._t, self._s
@@ -117,11 +114,11 @@ class _Simulated(PeriodicSource):
             passed, last_m = passed + 1, self._next_m
             self._next_m = self._crossings.position(self._k + passed + 1)
         if not passed:
-            return self._silence(t_s)
+            return self._silence.bound(t_s, self._pitch)
         self._k += passed
         pulse_s = _crossed_at(self._motion, last_m, from_s, from_m, t_s, self._s, v)
         before_s, self._pulse_s = self._pulse_s, pulse_s
-        self._silent_since_s, self._bound_after_s = pulse_s, self.period_s
+        self._silence.broken(pulse_s)
         if before_s is None:
             return None
         dt = pulse_s - before_s
@@ -131,14 +128,6 @@ class _Simulated(PeriodicSource):
             "interval_s": dt,
         }
         return Measured(0.5 * (pulse_s + before_s), fields)
-
-    def _silence(self, t_s: float) -> Measured | None:
-        silent = t_s - self._silent_since_s
-        if not self._bound_after_s <= silent <= LONGEST_BOUND_S:
-            return None
-        # said each time the silence has doubled: each bound is then news, not the last one again
-        self._bound_after_s = 2.0 * silent
-        return Measured(t_s - 0.5 * silent, {"speed_max_mps": self._pitch / silent, "interval_s": silent})
 
 
 def _crossed_at(motion: Motion, at_m: float, t0: float, s0: float, t1: float, s1: float, v1: float) -> float:
