@@ -215,6 +215,7 @@ def without(fields: Mapping[str, Any], at: Path_) -> dict[str, Any]:
 # options of every kind of sensor beside `kind`; SIMULATED kinds can be opened on a world
 SENSOR_OPTIONS: dict[str, dict[str, Any]] = {
     "doppler_radar": {},
+    "janus_radar": {},
     "induction_loop": {},
     "odometer": {"rate_hz": 50.0},
     "imu": {},

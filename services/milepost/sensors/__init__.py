@@ -10,8 +10,9 @@ from .doppler_radar import DopplerRadar
 from .gnss import Gnss
 from .imu import Imu
 from .induction_loop import InductionLoop
+from .janus_radar import JanusRadar
 from .odometer import Odometer
 
 SENSORS: dict[str, type[Sensor[Any]]] = {
-    kind.kind: kind for kind in (DopplerRadar, InductionLoop, Odometer, Imu, Gnss, BaliseReader)
+    kind.kind: kind for kind in (DopplerRadar, JanusRadar, InductionLoop, Odometer, Imu, Gnss, BaliseReader)
 }

@@ -1,41 +1,48 @@
-"""Doppler radar: speed over ground."""
+"""Doppler radar with one beam: speed over ground."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Annotated, Any
+from typing import Any
 
-from pydantic import Field
+from milepost.estimation.layout import PrivateState
 
-from milepost.simulation.noise import WhiteNoise
+from .base import Belief, Measured, Observed, PeriodicSource, Sensor, Source, World
+from .radar_beam import Beam, Radar, RadarOptions, observe_radar
 
-from .base import Belief, Measured, Observed, PeriodicSource, Sensor, SensorOptions, Source, World
 
-
-class DopplerRadarOptions(SensorOptions):
-    """`speed_variance_m2ps2`: of one reading; source A gives 0.04."""
-
-    rate_hz: Annotated[float, Field(gt=0.0, le=1000.0)] = 100.0
-    speed_variance_m2ps2: Annotated[float, Field(gt=0.0)] = 0.04
+class DopplerRadarOptions(RadarOptions):
+    """One beam, forward: its mounting pitch is part of its scale, δ tan θ (1.7 % for 1° at 45°)."""
 
 
 class DopplerRadar(Sensor[DopplerRadarOptions]):
-    """z = v + e, e ~ N(0, R) white. Source: A (10)."""
+    """z = v (cos δ + tan θ sin δ)/(1 + κ) + e, e ~ N(0, R) white. Source: A (10), D (3); see `radar_beam`.
+
+    The scale that a filter learns is (1 + κ)/(1 + δ tan θ) - 1.
+    """
 
     kind = "doppler_radar"
     stream = "speed_reading"
     options_model = DopplerRadarOptions
 
     @property
+    def private_states(self) -> tuple[PrivateState, ...]:
+        """`scale`, where the options say that it is uncertain."""
+        return () if self.options.scale is None else (self.options.scale,)
+
+    @property
+    def needs_belief(self) -> bool:
+        """For the scale, and for the sign."""
+        return self.options.scale is not None or not self.options.signed
+
+    @property
     def period_s(self) -> float:
         """One reading each 1/rate."""
         return 1.0 / self.options.rate_hz
 
-    def observe(self, reading: Any, belief: Belief | None) -> Sequence[Observed]:  # noqa: ARG002
-        """h = [0, 1, 0]."""
-        if reading.speed_mps is None:
-            return ()
-        return (Observed((0.0, 1.0, 0.0), reading.speed_mps, reading.speed_variance_m2ps2),)
+    def observe(self, reading: Any, belief: Belief | None) -> Sequence[Observed]:
+        """As `observe_radar`."""
+        return observe_radar(reading, belief, self.options.scale, self.options.signed)
 
     def open(self, world: World | None, from_s: float) -> Source:
         """Simulated readings of the world's motion."""
@@ -47,11 +54,15 @@ class DopplerRadar(Sensor[DopplerRadarOptions]):
 class _Simulated(PeriodicSource):
     def __init__(self, unit: str, options: DopplerRadarOptions, world: World, from_s: float) -> None:
         super().__init__(1.0 / options.rate_hz, from_s, world.motion.end_s)
-        self._motion = world.motion
-        self._noise = WhiteNoise(world.seed, unit)
-        self._variance = options.speed_variance_m2ps2
-        self._std = options.speed_variance_m2ps2**0.5
+        self._radar = Radar(unit, options, world)
+        self._beam = Beam(unit, options, world, forward=True)
+        self._mounting = options.mounting_pitch_rad
+        self._leak = options.leak_variance
 
-    def sample(self, index: int, t_s: float) -> Measured:
-        speed = self._motion.at(t_s)[1] + self._std * self._noise[index]
-        return Measured(t_s, {"speed_mps": speed, "speed_variance_m2ps2": self._variance})
+    def sample(self, index: int, t_s: float) -> Measured | None:
+        seen = self._radar.at(index, t_s)
+        if seen is None or not self._beam.hears(t_s):
+            return None
+        v, w, pitch, scale = seen
+        shown, R = self._beam.show(index, v, w, self._mounting + pitch, scale)
+        return Measured(t_s, self._radar.fields(shown, R + v * v * self._leak[0] + self._leak[1]))

@@ -2,11 +2,67 @@
 
 from __future__ import annotations
 
-from milepost.estimation.layout import N_COMMON, PrivateState
+import math
+from typing import Annotated
 
-from .base import Belief, Observed
+from pydantic import Field, model_validator
+
+from milepost.estimation.layout import N_COMMON, PrivateState
+from milepost.simulation.noise import MarkovNoise, WalkNoise
+
+from .base import Belief, Observed, SensorOptions, World
 
 SCALE = N_COMMON
+
+
+class ScaleOptions(SensorOptions):
+    """A sensor that may be off by an unknown scale κ; with `scale_std: 0` the filter is not told of any.
+
+    κ is constant, a random walk (`scale_noise_psd`, 1/s) or first-order Markov about 0 (`scale_time_constant_s`).
+    `true_scale`: κ of the simulated device, constant; null: drawn from the prior, and moving as the filter is told.
+    """
+
+    scale_std: Annotated[float, Field(ge=0.0, le=0.3)] = 0.0
+    scale_time_constant_s: Annotated[float, Field(gt=0.0)] | None = None
+    scale_noise_psd: Annotated[float, Field(ge=0.0)] = 0.0
+    true_scale: Annotated[float, Field(gt=-0.5, lt=1.0)] | None = None
+
+    @model_validator(mode="after")
+    def _one_kind_of_motion(self) -> ScaleOptions:
+        if self.scale_time_constant_s is not None and self.scale_noise_psd > 0.0:
+            raise ValueError("scale_time_constant_s already says how fast a scale moves: leave out scale_noise_psd")
+        return self
+
+    @property
+    def scale(self) -> PrivateState | None:
+        """The private state, where there is one."""
+        std, tau = self.scale_std, self.scale_time_constant_s
+        if std == 0.0:
+            return None
+        if tau is None:
+            return PrivateState("scale", 0.0, std, math.inf, self.scale_noise_psd)
+        return PrivateState("scale", 0.0, std, tau, 2.0 * std * std / tau)
+
+
+class TrueScale:
+    """The simulated κ at each reading, `step_s` apart."""
+
+    def __init__(self, unit: str, options: ScaleOptions, world: World, step_s: float) -> None:
+        state = options.scale
+        self._moving: MarkovNoise | WalkNoise | None = None
+        self._constant, self._size = options.true_scale or 0.0, 0.0
+        if options.true_scale is not None or state is None:
+            return
+        label = f"{unit}.{state.name}"
+        if options.scale_time_constant_s is not None:
+            self._moving, self._size = MarkovNoise(world.seed, label, step_s, state.time_constant_s), state.prior_std
+            return
+        self._constant = world.true_value(unit, state)
+        if state.noise_psd > 0.0:
+            self._moving, self._size = WalkNoise(world.seed, label), math.sqrt(state.noise_psd * step_s)
+
+    def __getitem__(self, index: int) -> float:
+        return self._constant if self._moving is None else self._constant + self._size * self._moving[index]
 
 
 def scaled_speed(speed_mps: float, variance_m2ps2: float, belief: Belief | None, scale: PrivateState) -> Observed:

@@ -61,6 +61,15 @@ class MarkovNoise:
         return out
 
 
+class WalkNoise(MarkovNoise):
+    """The sum of standard normal numbers up to an index: a random walk from 0."""
+
+    def __init__(self, seed: int, label: str) -> None:
+        super().__init__(seed, label, 1.0, math.inf)
+        self._drive = 1.0
+        self._ends = [0.0]
+
+
 def standard_normal(seed: int, label: str, size: int) -> NDArray[np.float64]:
     """A few standard normal numbers for one purpose."""
     return block_rng(seed, label, 0).standard_normal(size)

@@ -1,0 +1,87 @@
+"""Janus radar: two Doppler beams, forward and backward, in which pitch and vertical speed cancel."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Annotated, Any
+
+from pydantic import Field
+
+from milepost.estimation.layout import PrivateState
+
+from .base import Belief, Measured, Observed, PeriodicSource, Sensor, Source, World
+from .radar_beam import Beam, Radar, RadarOptions, beam_speed, observe_radar
+
+
+class JanusRadarOptions(RadarOptions):
+    """`scale_std`: what the cancellation leaves, 1 - cos δ = 0.015 % at 1°. Each beam drops out by itself."""
+
+    rate_hz: Annotated[float, Field(gt=0.0, le=1000.0)] = 20.0
+    scale_std: Annotated[float, Field(ge=0.0, le=0.3)] = 1.5e-4
+
+
+class JanusRadar(Sensor[JanusRadarOptions]):
+    """z = (z_f + z_b)/2 = (v cos δ + w sin δ)/(1 + κ) + e, R = (R_f + R_b)/4; one beam where the other hears nothing.
+
+    One beam alone lets pitch δ and vertical speed w in: its reading says R + `leak_variance`. The device knows its mounting
+    pitch from z_f - z_b ≈ 2 v δ tan θ and takes it out of a single beam; what leaks is the body's. Source: D 1.2.
+    """
+
+    kind = "janus_radar"
+    stream = "speed_reading"
+    options_model = JanusRadarOptions
+
+    @property
+    def private_states(self) -> tuple[PrivateState, ...]:
+        """`scale`, where the options say that it is uncertain."""
+        return () if self.options.scale is None else (self.options.scale,)
+
+    @property
+    def needs_belief(self) -> bool:
+        """For the scale, and for the sign."""
+        return self.options.scale is not None or not self.options.signed
+
+    @property
+    def period_s(self) -> float:
+        """One reading each 1/rate."""
+        return 1.0 / self.options.rate_hz
+
+    def observe(self, reading: Any, belief: Belief | None) -> Sequence[Observed]:
+        """As `observe_radar`; how many beams were heard is in the reading's variance."""
+        return observe_radar(reading, belief, self.options.scale, self.options.signed)
+
+    def open(self, world: World | None, from_s: float) -> Source:
+        """Simulated readings of the world's motion."""
+        if world is None:
+            raise ValueError(f"{self.unit}: a {self.kind} has no source without a simulated world")
+        return _Simulated(self.unit, self.options, world, from_s)
+
+
+class _Simulated(PeriodicSource):
+    def __init__(self, unit: str, options: JanusRadarOptions, world: World, from_s: float) -> None:
+        super().__init__(1.0 / options.rate_hz, from_s, world.motion.end_s)
+        self._radar = Radar(unit, options, world)
+        self._mounting = options.mounting_pitch_rad
+        self._leak = options.leak_variance
+        # each beam with the gain of its mounting, which one beam alone is divided by
+        self._beams = [
+            (Beam(f"{unit}.{name}", options, world, forward), beam_speed(1.0, 0.0, self._mounting, options.angle_rad, forward))
+            for name, forward in (("forward", True), ("backward", False))
+        ]
+
+    def sample(self, index: int, t_s: float) -> Measured | None:
+        seen = self._radar.at(index, t_s)
+        if seen is None:
+            return None
+        v, w, pitch, scale = seen
+        heard = [
+            (*beam.show(index, v, w, self._mounting + pitch, scale), gain) for beam, gain in self._beams if beam.hears(t_s)
+        ]
+        if not heard:
+            return None
+        if len(heard) == 2:
+            (one, R_one, _), (other, R_other, _) = heard
+            return Measured(t_s, self._radar.fields(0.5 * (one + other), 0.25 * (R_one + R_other)))
+        shown, R, gain = heard[0]
+        variance = R / (gain * gain) + v * v * self._leak[0] + self._leak[1]
+        return Measured(t_s, self._radar.fields(shown / gain, variance))
