@@ -22,6 +22,10 @@ from milepost.runtime.roles import ROLES, processes
 from milepost.runtime.yaml_files import ConfigError, merged, read_yaml
 
 GNSS = {"kind": "gnss", "source": "recording", "recording": "log.csv"}
+UNFIT = {"file": "log.csv", "time": {"column": "time_utc", "unit": "iso8601"}, "columns": {"satellites": {"column": "n"}}}
+RECEIVER = {"kind": "gnss", "source": "receiver"}
+LIVE = {"protocol": "nmea", "tcp": "127.0.0.1:1"}
+TWO_WAYS = {**LIVE, "file": "log.csv"}
 GEOMETRY = {"geojson": "line.geojson", "length_m": REMOVED, "balises": []}
 POINTS = [[4.5, 50.9], [4.503, 50.9], [4.506, 50.901]]
 LOG = ["time_utc,latitude_deg,longitude_deg,position_type"] + [
@@ -115,7 +119,18 @@ MISTAKES = (
         "recording broken", "units.gnss", "line 3: longitude_deg", {"units.gnss": {**GNSS, "recording": "bad.csv"}}, GEOMETRY
     ),
     Mistake("recording not text", "units.gnss", "image.bin", {"units.gnss": {**GNSS, "recording": "image.bin"}}, GEOMETRY),
-    Mistake("simulated gnss", "units.gnss", "recording", {"units.gnss": {"kind": "gnss"}}, GEOMETRY),
+    Mistake("map of nothing", "units.gnss", "latitude_deg", {"units.gnss": {**GNSS, "recording": UNFIT}}, GEOMETRY),
+    Mistake(
+        "simulated gnss",
+        "units.gnss",
+        "rtk_fixed",
+        {"units.gnss": {"kind": "gnss", "position_std_m": {"single": 1.0}}},
+        GEOMETRY,
+    ),
+    Mistake("receiver left out", "units.gnss.receiver", "needed", {"units.gnss": RECEIVER}, GEOMETRY),
+    Mistake("receiver of a radar", "units.radar.receiver", "needed", {"units.radar.source": "receiver"}),
+    Mistake("live beside a world", "units.gnss.receiver", "world", {"units.gnss": {**RECEIVER, "receiver": LIVE}}, GEOMETRY),
+    Mistake("two ways in", "units.gnss.receiver", "one of", {"units.gnss": {**RECEIVER, "receiver": TWO_WAYS}}, GEOMETRY),
     Mistake("position without geometry", "units.gnss", "geometry", {"units.gnss": GNSS}),
     Mistake("simulated units without a world", "units.radar", "world", {"world": REMOVED}),
     # world
