@@ -171,6 +171,22 @@ def test_a_profile_that_stops_never_reaches_what_lies_beyond() -> None:
     assert Profile([(0.0, 10.0), (10.0, 0.0)], 0.0).reaches(51.0) == math.inf
 
 
+def test_a_rounded_corner_changes_the_acceleration_evenly() -> None:
+    """From rest to 1 m/s² at 10 s, rounded over 4 s: at 10 s half of it, at 12 s all; s and v are each other's integrals.
+
+    At 12 s the average over [10, 14] of the sharp speed t - 10 is 2 m/s; the sharp train stands at 50 m until then.
+    """
+    profile = Profile([(0.0, 0.0), (10.0, 0.0), (30.0, 20.0)], 50.0, corner_s=4.0)
+    assert profile.at(0.0) == (50.0, 0.0, 0.0)
+    assert profile.at(10.0)[2] == pytest.approx(0.5)
+    assert profile.at(12.0)[1:] == pytest.approx((2.0, 1.0))
+    for t in np.arange(1.0, 35.0, 1.7):
+        (s0, v0, _), (s1, v1, _) = profile.at(t - 1e-3), profile.at(t + 1e-3)
+        _, v, a = profile.at(t)
+        assert (s1 - s0) / 2e-3 == pytest.approx(v, abs=1e-5)
+        assert (v1 - v0) / 2e-3 == pytest.approx(a, abs=1e-3)
+
+
 @given(position=st.floats(0.5, 180.0))
 def test_the_passage_of_a_position_is_when_the_train_is_there(position: float) -> None:
     motion = white_jerk(psd=0.01)

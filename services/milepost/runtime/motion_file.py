@@ -20,11 +20,15 @@ Positive = Annotated[float, Field(gt=0.0)]
 
 
 class WhiteJerkFile(BaseModel):
-    """A simulated motion: a seeded white-jerk path around a speed profile of [time s, speed m/s] corners."""
+    """A simulated motion: a seeded white-jerk path around a speed profile of [time s, speed m/s] corners.
+
+    `corner_s`: how long a change of acceleration takes; a real train does not jerk as a sharp corner does.
+    """
 
     model_config = STRICT
     kind: Literal["white_jerk"]
     profile: Annotated[list[Annotated[list[float], Field(min_length=2, max_length=2)]], Field(min_length=1)]
+    corner_s: Annotated[float, Field(ge=0.0, le=60.0)] = 0.0
     start_m: PositionM = 0.0
     jerk_psd_m2ps5: Annotated[float, Field(ge=0.0)]
     driver_time_s: Annotated[float, Field(ge=30.0)] | None = None
@@ -39,7 +43,7 @@ class WhiteJerkFile(BaseModel):
 
     def build(self, line: Line, seed: int, until_s: float | None) -> Motion:
         """The motion, until the line's end or `until_s`. Raises ValueError("field: ...") if it has no end."""
-        profile = Profile([(corner[0], corner[1]) for corner in self.profile], self.start_m)
+        profile = Profile([(corner[0], corner[1]) for corner in self.profile], self.start_m, self.corner_s)
         end_s = profile.reaches(line.length_m - 50.0)
         if until_s is None and math.isinf(end_s):
             raise ValueError("profile: never reaches the line's end; give a duration")

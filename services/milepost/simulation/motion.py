@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from bisect import bisect_right
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import Protocol
 
 import numpy as np
@@ -72,21 +73,46 @@ class KnotMotion:
 
 
 class Profile:
-    """The speed that the driver aims at: straight lines between (time, speed) corners, held after the last."""
+    """The speed that the driver aims at: straight lines between (time, speed) corners, held before and after them.
 
-    def __init__(self, corners: Sequence[tuple[float, float]], start_m: float) -> None:
+    `corner_s` w: how long a change of acceleration takes. The speed is then the moving average of the straight lines over
+    ±w/2, v(t) = [S(t + w/2) - S(t - w/2)]/w with S their integral: the jerk is Δa/w in a corner and 0 elsewhere.
+    """
+
+    def __init__(self, corners: Sequence[tuple[float, float]], start_m: float, corner_s: float = 0.0) -> None:
         self._t = [t for t, _ in corners]
         self._v = [v for _, v in corners]
-        self._s = [start_m]
-        for i in range(1, len(corners)):
-            self._s.append(self._s[-1] + 0.5 * (self._v[i] + self._v[i - 1]) * (self._t[i] - self._t[i - 1]))
+        self._a = [(v1 - v0) / (t1 - t0) for (t0, v0), (t1, v1) in pairwise(corners)] + [0.0]
+        self._s, self._sum = [start_m], [0.0]
+        for (t0, _), (t1, _) in pairwise(corners):
+            total, s, _, _ = self._from(len(self._s) - 1, t1 - t0)
+            self._s.append(s)
+            self._sum.append(total)
+        self._corner_s = corner_s
+        self._shift_m = 0.0
+        self._shift_m = start_m - self.at(0.0)[0] if corner_s else 0.0
 
     def at(self, t_s: float) -> Kinematics:
         """Position, speed and acceleration aimed at."""
-        i = max(bisect_right(self._t, t_s) - 1, 0)
-        tau = t_s - self._t[i]
-        a = (self._v[i + 1] - self._v[i]) / (self._t[i + 1] - self._t[i]) if i + 1 < len(self._t) else 0.0
-        return self._s[i] + tau * (self._v[i] + 0.5 * a * tau), self._v[i] + a * tau, a
+        w = self._corner_s
+        if not w:
+            return self._sharp(t_s)[1:]
+        total0, s0, v0, _ = self._sharp(t_s - 0.5 * w)
+        total1, s1, v1, _ = self._sharp(t_s + 0.5 * w)
+        return (total1 - total0) / w + self._shift_m, (s1 - s0) / w, (v1 - v0) / w
+
+    def _sharp(self, t_s: float) -> tuple[float, float, float, float]:
+        """∫s dt, s, v and a of the straight lines."""
+        if t_s < self._t[0]:
+            tau, s, v = t_s - self._t[0], self._s[0], self._v[0]
+            return tau * (s + 0.5 * v * tau), s + v * tau, v, 0.0
+        i = bisect_right(self._t, t_s) - 1
+        return self._from(i, t_s - self._t[i])
+
+    def _from(self, i: int, tau: float) -> tuple[float, float, float, float]:
+        s, v, a = self._s[i], self._v[i], self._a[i]
+        total = self._sum[i] + tau * (s + tau * (0.5 * v + a * tau / 6.0))
+        return total, s + tau * (v + 0.5 * a * tau), v + a * tau, a
 
     def reaches(self, position_m: float) -> float:
         """The time at which a position is reached; infinite if never."""
