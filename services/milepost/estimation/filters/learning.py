@@ -8,6 +8,8 @@ from typing import Generic, NamedTuple, TypeVar
 
 import numpy as np
 
+from ..gaussian import replace_common
+from ..layout import N_COMMON
 from ..timeline import NS, Observation
 from .base import FilterSetup, LocalFilter, O
 
@@ -62,15 +64,15 @@ class LearningFilter(LocalFilter[O], Generic[O, S]):
     def expected(self, observation: Observation) -> Expected:
         """h x̂ and c, the variance of h (x - x̂), at an observation's time.
 
-        c = β h P hᵀ, because a belief that takes feedback is P_g/β and grows with Q/β: β P is the fused covariance carried
-        forward, which is how far off h x̂ really is. Of a time before the feedback it is the fused belief carried back, which
-        is not divided by β.
+        A belief that takes feedback is P_g/β and grows with Q/β; its common block times β, the private states following, is
+        the fused covariance carried forward, which is how far off x̂ really is. Of a time before the feedback it is the
+        fused belief carried back, which is not divided by β; and nor is the prior.
         """
         estimator, at = self.estimator, observation.measured_at_ns
         h = np.array(estimator.layout.lift(observation.unit, observation.row))
-        base_ns, share = estimator.timeline.base_ns, estimator.share
-        if base_ns is not None and at < base_ns:
-            share = 1.0
-        prior = self.setup.prior
-        mean, covariance = estimator.belief_at(at) or estimator.layout.prior(prior.mean, prior.std / np.sqrt(share))
-        return Expected(float(h @ mean), max(share * float(h @ covariance @ h), 0.0))
+        base_ns, prior, belief = estimator.timeline.base_ns, self.setup.prior, estimator.belief_at(at)
+        mean, covariance = belief or estimator.layout.prior(prior.mean, prior.std)
+        if belief is not None and (base_ns is None or at >= base_ns) and estimator.share < 1.0:
+            common = estimator.share * covariance[:N_COMMON, :N_COMMON]
+            covariance = replace_common(mean, covariance, mean[:N_COMMON], common)[1]
+        return Expected(float(h @ mean), max(float(h @ covariance @ h), 0.0))

@@ -1,0 +1,124 @@
+"""Noise variances learned from innovations: the adaptive filter's mean and the robust filter's grid."""
+
+from __future__ import annotations
+
+import math
+import random
+
+import numpy as np
+import pytest
+
+from milepost.estimation.adaptive import InnovationVariance
+from milepost.estimation.noise_scale import NoiseModel, NoiseScale
+
+# two levels that never change and no outliers: everything can be computed by hand
+STILL = NoiseModel(1.0, 3.0, levels=2, time_constant_s=1e9, outlier_share=1e-12)
+
+
+def test_innovation_variance_by_hand():
+    estimate = InnovationVariance(2.0, 50, 0.1, start_weight=4.0)
+    estimate.learn(3.0, 1.0)
+    # it counts (2/3)² = 4/9; mean = 2 + (9 - 1 - 2) · (4/9)/(4 + 4/9) = 2.6, stated with (n + 2)/n for n = 40/9
+    assert estimate.variance == pytest.approx(2.6 * (40.0 / 9.0 + 2.0) / (40.0 / 9.0))
+
+
+def test_innovation_variance_comes_to_the_truth_and_follows_it():
+    rng = random.Random(1)
+    estimate = InnovationVariance(1.0, 50, 0.1)
+    for true in (9.0, 2.0):
+        stated = []
+        for k in range(1500):
+            estimate.learn(rng.gauss(0.0, math.sqrt(true + 0.5)), 0.5)
+            if k >= 500:
+                stated.append(estimate.variance)
+        # (n + 2)/n is 1.02; a mean over 1000 readings, with a memory of 50, errs by about √(2 · 1/1000) = 4.5 % of R + c
+        assert np.mean(stated) == pytest.approx(1.02 * true, abs=3 * 0.045 * (true + 0.5))
+
+
+def test_innovation_variance_does_not_fall_below_its_floor():
+    estimate = InnovationVariance(1.0, 10, 0.25)
+    for _ in range(100):
+        estimate.learn(0.0, 5.0)
+    assert estimate.variance >= 0.25
+
+
+def test_the_grids_weights_by_bayes():
+    scale = NoiseScale(STILL)
+    _, weights = scale.site(2.0, 1.0)
+    # N(2; 0, 1 + 1) against N(2; 0, 1 + 9)
+    likelihoods = np.array([math.exp(-4.0 / 4.0) / math.sqrt(2.0), math.exp(-4.0 / 20.0) / math.sqrt(10.0)])
+    np.testing.assert_allclose(weights, likelihoods / likelihoods.sum(), rtol=1e-9)
+
+
+def test_a_site_gives_the_exact_posteriors_two_moments():
+    scale = NoiseScale(STILL)
+    c, e = 1.0, 1.0
+    site, weights = scale.site(e, c)
+    # the posterior of h x by numerical integration of N(h x; 0, c) · mixture likelihood with the prior weights a half each
+    grid = np.linspace(-12.0, 12.0, 20_001)
+    density = np.exp(-0.5 * grid**2 / c) * sum(np.exp(-0.5 * (e - grid) ** 2 / r) / math.sqrt(r) for r in (1.0, 9.0))
+    density /= density.sum()
+    mean = density @ grid
+    gain = c / (c + site.variance)
+    assert gain * site.value == pytest.approx(mean, rel=1e-6)
+    assert c * (1.0 - gain) == pytest.approx(density @ (grid - mean) ** 2, rel=1e-6)
+    assert weights.sum() == pytest.approx(1.0)
+
+
+def test_an_outlier_is_worth_little_and_does_not_make_the_sensor_worse():
+    scale = NoiseScale(NoiseModel(0.2, 20.0))
+    rng = random.Random(2)
+    for _ in range(200):
+        scale.advance(0.2)
+        _, scale.weights = scale.site(rng.gauss(0.0, 2.0), 0.01)
+    before = scale.std
+    assert 1.4 < before < 2.8
+    site, after = scale.site(30.0, 0.01)
+    usual, _ = scale.site(1.0, 0.01)
+    assert site.variance > 30.0 * usual.variance
+    scale.weights = after
+    assert scale.std < 1.5 * before
+
+
+def test_sigma_is_followed_as_it_wanders():
+    scale = NoiseScale(NoiseModel(0.2, 20.0))
+    rng = random.Random(3)
+    found = {}
+    for true in (1.0, 8.0, 2.0):
+        stds = []
+        for k in range(300):
+            scale.advance(0.2)
+            _, scale.weights = scale.site(rng.gauss(0.0, true), 0.01)
+            if k >= 100:
+                stds.append(scale.std)
+        found[true] = float(np.median(stds))
+    for true, median in found.items():
+        assert 0.75 < median / true < 1.33
+
+
+@pytest.mark.parametrize("dt_s", [0.001, 0.02, 1.0, 30.0, 1e4])
+def test_wandering_keeps_probability_and_has_the_processs_moments(dt_s):
+    model = NoiseModel(0.2, 20.0, levels=60)
+    scale = NoiseScale(model)
+    levels = np.linspace(math.log(0.2), math.log(20.0), 60)
+    scale.weights = np.zeros(60)
+    scale.weights[36] = 1.0
+    scale.advance(dt_s)
+    assert scale.weights.sum() == pytest.approx(1.0)
+    assert np.all(scale.weights >= 0.0)
+    mean = scale.weights @ levels
+    keep = math.exp(-dt_s / 20.0)
+    assert mean == pytest.approx(levels.mean() + keep * (levels[36] - levels.mean()), abs=1e-3)
+    # rare steps shorter than a level's width keep the variance exactly; the sampled Gaussian to a per cent
+    assert scale.weights @ (levels - mean) ** 2 == pytest.approx(0.36 * -math.expm1(-2.0 * dt_s / 20.0), rel=0.02)
+
+
+@pytest.mark.parametrize("innovation", [0.0, 1e-300, 1e6, -1e12])
+@pytest.mark.parametrize("variance", [1e-12, 1.0, 1e12])
+def test_no_innovation_breaks_it(innovation, variance):
+    scale = NoiseScale(NoiseModel(0.2, 20.0))
+    site, scale.weights = scale.site(innovation, variance)
+    assert math.isfinite(site.value)
+    assert site.variance > 0.0
+    assert math.isfinite(site.variance)
+    assert np.all(np.isfinite(scale.weights))

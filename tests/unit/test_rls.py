@@ -1,0 +1,180 @@
+"""Recursive least squares, its smoothers, the particle swarm and the unscented transform."""
+
+from __future__ import annotations
+
+import random
+
+import numpy as np
+import pytest
+
+from milepost.estimation.pu_rls import ErrorModel, SwarmTunedSmoother, Tuning
+from milepost.estimation.rls import ForgettingSmoother, LocalParabola, white_sum
+from milepost.estimation.swarm import Swarm
+from milepost.estimation.unscented import sigma_points, unscented_gain_terms
+
+
+def parabola_over(times: list[float], values: list[float], forgetting: float, weights: list[float]) -> LocalParabola:
+    parabola, before = LocalParabola(), times[0]
+    for at, value, weight in zip(times, values, weights, strict=True):
+        parabola.advance(at - before)
+        parabola.learn(parabola.predicted(), value, forgetting, weight)
+        before = at
+    return parabola
+
+
+def test_the_recursion_is_weighted_least_squares():
+    rng = np.random.default_rng(4)
+    times = np.cumsum(rng.uniform(0.1, 0.5, 25)).tolist()
+    values, weights = (rng.normal(size=25) * 5.0).tolist(), rng.uniform(0.2, 2.0, 25).tolist()
+    parabola = parabola_over(times, values, 0.9, weights)
+    ages = np.array(times) - times[-1]
+    X = np.stack([np.ones(25), ages, 0.5 * ages**2], axis=1)
+    J = np.diag(0.9 ** np.arange(24, -1, -1) * weights)
+    normal = X.T @ J @ X
+    np.testing.assert_allclose(parabola.w, np.linalg.solve(normal, X.T @ J @ values), rtol=1e-4, atol=1e-4)
+    np.testing.assert_allclose(parabola.P, np.linalg.inv(normal), rtol=1e-4, atol=1e-6)
+    # and the variance of that, for readings of variance R/ω: N⁻¹ Xᵀ J (1/ω) J X N⁻¹
+    J2 = J @ np.diag(1.0 / np.array(weights)) @ J
+    sandwich = np.linalg.inv(normal) @ X.T @ J2 @ X @ np.linalg.inv(normal)
+    np.testing.assert_allclose(parabola.V, sandwich, rtol=1e-4, atol=1e-6)
+
+
+def test_a_step_by_hand():
+    parabola = LocalParabola()
+    parabola.w, parabola.P, parabola.V = np.zeros(3), np.diag([0.9, 0.0, 0.0]), np.zeros((3, 3))
+    # k = P x/(λ + xᵀP x) = 0.9/1.8; P ← (1 - k) P/λ
+    assert parabola.learn(parabola.predicted(), 4.0, 0.9) == pytest.approx(2.0)
+    assert parabola.P[0, 0] == pytest.approx(0.5)
+
+
+def test_a_parabola_follows_constant_acceleration_without_lag():
+    smoother = ForgettingSmoother(0.9, 1.0, 50)
+    for k in range(100):
+        t = 0.2 * k
+        smoothed, _ = smoother.step(0.2 if k else 0.0, 5.0 + 20.0 * t + 0.4 * t * t)
+    assert smoothed == pytest.approx(5.0 + 20.0 * t + 0.4 * t * t, abs=1e-3)
+
+
+def impulse_response(forgetting: float, length: int) -> np.ndarray:
+    """What each of the last readings contributes to the smoothed one, newest first."""
+    ages = -0.2 * np.arange(length)
+    X = np.stack([np.ones(length), ages, 0.5 * ages**2], axis=1)
+    J = forgetting ** np.arange(length)
+    return np.linalg.solve((X.T * J) @ X, np.array([1.0, 0.0, 0.0])) @ (X.T * J)
+
+
+def test_smoothing_makes_no_reading_worth_more():
+    variance, correlation = white_sum(impulse_response(0.9, 300))
+    assert variance < 0.35
+    assert correlation > 3.0
+    assert variance * correlation == pytest.approx(1.0, abs=1e-6)
+
+
+@pytest.mark.parametrize("kind", ["rls", "pu_rls"])
+def test_the_noise_is_found_and_what_is_stated_is_what_the_smoothed_readings_are_worth(kind):
+    """Over blocks much longer than the memory, the mean of n smoothed readings errs by √(R_eff/n)."""
+    rng = random.Random(5)
+    smoother = smoother_of(kind)
+    errors, stated = [], []
+    for k in range(6000):
+        smoothed, variance = smoother.step(0.2, rng.gauss(0.0, 3.0))
+        if k >= 1000:
+            errors.append(smoothed)
+            stated.append(variance)
+    blocks = np.array(errors).reshape(50, 100).mean(axis=1)
+    worth = 100.0 * float(np.mean(blocks**2))
+    # fifty blocks: their mean square errs by √(2/50) = 20 %; three of those. Never overconfident by more than that
+    assert 0.4 < worth / (1.0 / np.mean(1.0 / np.array(stated))) < 1.6
+    assert np.median(stated) == pytest.approx(9.0, rel=0.25)
+    assert np.var(errors) < 0.6 * 9.0
+
+
+def smoother_of(kind: str) -> ForgettingSmoother | SwarmTunedSmoother:
+    if kind == "rls":
+        return ForgettingSmoother(0.9, 1.0, 50)
+    return SwarmTunedSmoother(1.0, 25, ErrorModel(), Tuning(every=50))
+
+
+@pytest.mark.parametrize("kind", ["rls", "pu_rls"])
+def test_after_a_long_gap_it_begins_anew(kind):
+    rng = random.Random(6)
+    smoother = smoother_of(kind)
+    for k in range(200):
+        smoother.step(0.2, 4.0 * k + rng.gauss(0.0, 1.0))
+    smoothed, variance = smoother.step(150.0, 9_000.0)
+    assert smoothed == pytest.approx(9_000.0, abs=1e-3)
+    assert 0.3 < variance < 3.0
+
+
+def test_pu_rls_is_not_carried_away_by_outliers():
+    found = {}
+    for kind in ("rls", "pu_rls"):
+        rng, smoother, errors = random.Random(7), smoother_of(kind), []
+        for k in range(800):
+            std = 20.0 if rng.random() < 0.05 else 2.0
+            errors.append(smoother.step(0.2, 4.0 * k + rng.gauss(0.0, std))[0] - 4.0 * k)
+        found[kind] = float(np.std(errors[100:]))
+    assert found["pu_rls"] < 0.6 * found["rls"]
+
+
+def test_the_forgetting_factor_is_long_while_still_and_short_while_not():
+    model = ErrorModel(degrees=4.0, longest=0.93)
+    assert model.forgetting(0.0, 0.8, 1.0) == pytest.approx(0.93)
+    # δ q = 4 · 4/(4 + 4) = 2: λ = 0.8 + 0.13/4
+    assert model.forgetting(4.0, 0.8, 1.0) == pytest.approx(0.8325)
+    assert model.weight(1.0) == pytest.approx(1.0)
+    assert model.weight(96.0) == pytest.approx(0.05)
+
+
+def test_the_swarm_finds_the_bottom_in_a_bounded_number_of_evaluations():
+    swarm = Swarm((0.0, -5.0), (1.0, 5.0), particles=8, seed=1)
+    best = swarm.minimise(lambda p: (p[0] - 0.3) ** 2 + (p[1] - 2.0) ** 2 / 100.0, generations=40)
+    assert swarm.evaluations == 8 * 41
+    np.testing.assert_allclose(best, [0.3, 2.0], atol=0.05)
+
+
+def test_the_swarm_stays_in_its_box():
+    swarm = Swarm((0.0,), (1.0,), particles=5, seed=2)
+    places = []
+    swarm.minimise(lambda p: places.append(p[0]) or -p[0], generations=20)
+    assert min(places) >= 0.0
+    assert max(places) <= 1.0
+
+
+def test_pu_rls_spends_no_more_than_it_may_and_always_the_same():
+    tuning = Tuning(particles=4, generations=2, window=8, every=5)
+    runs = []
+    for _ in range(2):
+        rng, smoother = random.Random(8), SwarmTunedSmoother(1.0, 25, ErrorModel(), tuning)
+        before, results = 0, []
+        for k in range(120):
+            results.append(smoother.step(0.2, 4.0 * k + rng.gauss(0.0, 1.0)))
+            assert smoother.evaluations - before <= 4 * 3
+            before = smoother.evaluations
+        assert smoother.evaluations > 0
+        runs.append((results, smoother.shortest, smoother.sensitivity))
+    assert runs[0] == runs[1]
+    assert (runs[0][1], runs[0][2]) != (0.9, 0.2)
+
+
+def test_the_unscented_gain_is_exact_where_the_observation_is_linear():
+    rng = np.random.default_rng(9)
+    root, h, mean = rng.normal(size=(3, 3)), rng.normal(size=3), rng.normal(size=3)
+    P = root @ root.T + 0.1 * np.eye(3)
+    y, cross, variance = unscented_gain_terms(mean, P, lambda points: points @ h)
+    assert y == pytest.approx(h @ mean)
+    np.testing.assert_allclose(cross, P @ h)
+    assert variance == pytest.approx(h @ P @ h)
+
+
+def test_the_unscented_mean_of_a_square_is_exact_where_a_linearisation_is_not():
+    # E[x²] = x̂² + P = 4 + 0.25, where linearisation says 4
+    y, cross, _ = unscented_gain_terms(np.array([2.0]), np.array([[0.25]]), lambda points: points[:, 0] ** 2)
+    assert y == pytest.approx(4.25)
+    np.testing.assert_allclose(cross, [2.0 * 2.0 * 0.25])
+
+
+def test_sigma_points_by_hand():
+    points = sigma_points(np.array([1.0, 2.0]), np.diag([4.0, 9.0]), 0.0)
+    r = np.sqrt(2.0)
+    np.testing.assert_allclose(points, [[1, 2], [1 + 2 * r, 2], [1, 2 + 3 * r], [1 - 2 * r, 2], [1, 2 - 3 * r]])
