@@ -110,3 +110,38 @@ def test_a_reader_tells_telegrams_on_its_stream() -> None:
     assert (stream, unit, type(telegram)) == ("balise_telegram", "reader", BaliseTelegram)
     assert telegram.balise_id == "b00001"
     assert (telegram.measured_at_ns - T0) * 1e-9 == pytest.approx(5.0, abs=0.01)
+
+
+class Choosy(Scripted):
+    """A source that cannot use everything that it hears."""
+
+    def __init__(self, script: list[tuple[float, Measured | None]], counts: list[dict[str, int]]) -> None:
+        super().__init__(script)
+        self.counts = counts
+        self.skipped: dict[str, int] = {}
+        self.told = {"checksum": "line 7: what it was"}
+
+    def read(self) -> Measured | None:
+        self.skipped.update(self.counts.pop(0))
+        return super().read()
+
+
+def test_what_a_source_could_not_use_is_counted_as_refused_and_told_the_first_time() -> None:
+    counts = [{"checksum": 2}, {"checksum": 5, "late": 1}, {}]
+    source = Choosy([(0.1, None), (0.2, speed(0.2)), (0.3, speed(0.3))], counts)
+    process = SensorNode("t1", "i1", sensor("doppler_radar", straight_line(), "radar"), source, T0)
+    (first,) = process.tick(T0 + 100_000_000)
+    assert (first.stream, first.message.code, first.message.text) == ("event", "refused_checksum", "line 7: what it was")
+    assert process.refusals.counts == {"checksum": 2}
+    assert [o.stream for o in process.tick(T0 + 200_000_000)] == ["speed_reading", "event"]
+    assert process.refusals.counts == {"checksum": 5, "late": 1}
+    assert [o.stream for o in process.tick(T0 + 300_000_000)] == ["speed_reading"]
+
+
+def test_a_reading_that_is_no_message_is_refused_and_uses_no_number() -> None:
+    process = node([(0.1, speed(0.1)), (0.2, speed(0.2, float("nan"))), (0.3, speed(0.3))])
+    out = list(process.tick(T0 + S))
+    assert [o.stream for o in out] == ["speed_reading", "event", "speed_reading"]
+    assert [o.message.sequence for o in out if o.stream == "speed_reading"] == [0, 1]
+    assert process.refusals.counts == {"invalid_reading": 1}
+    assert "radar: speed_mps" in out[1].message.text
