@@ -8,10 +8,14 @@ from pathlib import Path
 
 import numpy as np
 
+from milepost.estimation.estimator import Prior
+from milepost.estimation.filters import FILTERS
+from milepost.estimation.filters.base import FilterSetup
 from milepost.estimation.kalman import ArrayKernel
 from milepost.estimation.layout import Layout
 from milepost.estimation.motion import process_noise, transition
 from milepost.estimation.scalar import ScalarKernel
+from milepost.estimation.timeline import Observation
 from milepost.runtime.config import load_train
 from milepost.runtime.offline import simulate
 from milepost.runtime.roles import ROLES, Setting
@@ -78,9 +82,29 @@ def stonesoup_step() -> Callable[[], object]:
     return step
 
 
+def whole_step(kind: str) -> Callable[[], object]:
+    """A reading into a local filter, and its belief out: what a filter node asks for each reading."""
+    row = FILTERS[kind]
+    prior = Prior(np.array([0.0, 20.0, 0.0]), np.array([1.0, 1.0, 1.0]))
+    local = row(FilterSetup(Layout(), 1e-2, prior, 5_000_000_000), row.options_model())
+    rng = np.random.default_rng(1)
+    at, sequence, noise = 1_000_000_000_000, 0, rng.normal(size=10_000).tolist()
+
+    def step() -> None:
+        nonlocal at, sequence
+        at, sequence = at + 200_000_000, sequence + 1
+        local.estimator.advance_to(at)
+        value = 4.0 * sequence + noise[sequence % len(noise)]
+        local.take([Observation(at, 0, sequence, "bench", 0, "gnss", (1.0, 0.0, 0.0), value, 1.0)], at)
+        local.estimator.lists_at(at)
+
+    return step
+
+
 def measure_steps() -> dict[str, float]:
-    """µs for one predict and update."""
+    """µs for one predict and update, and for a reading's whole way through each kind of local filter."""
     return {
+        **{f"local filter {kind}": microseconds(whole_step(kind), 500) for kind in FILTERS},
         "filter step (scalar kernel)": microseconds(ours(ScalarKernel(Q)), 20_000),
         "filter step (array kernel)": microseconds(ours(ArrayKernel(Layout(), Q)), 2_000),
         "filterpy step": microseconds(filterpy_step(), 2_000),
