@@ -8,7 +8,7 @@ from typing import Any
 from milepost.estimation.filters.base import LocalFilter
 from milepost.estimation.layout import N_COMMON
 from milepost.estimation.timeline import FUTURE_NS, Observation
-from milepost.sensors.base import Belief, Sensor
+from milepost.sensors.base import Belief, Observed, Sensor
 from milepost_schemas import Estimate, Feedback, Message
 
 from .base import Node, Output, Subscription
@@ -31,7 +31,9 @@ class FilterNode(Node):
         if feedback:
             # feedback changes nothing until a reading comes, so it need not wake the process
             self.subscriptions.append(Subscription("feedback", newest_only=True))
+        self._sensor = sensor
         self._observer = sensor.observer()
+        self._recalled: tuple[Observed, ...] = ()
         self._needs_belief = sensor.needs_belief
         self._filter = local
         self._estimator = local.estimator
@@ -55,6 +57,20 @@ class FilterNode(Node):
         """`latest_feedback`: what a restarted fuser continues from."""
         return self._feedback if procedure == "latest_feedback" else None
 
+    def keepsake(self) -> bytes | None:
+        """What this filter would begin with if everything were started again; None where there is nothing to keep."""
+        belief = self._estimator.belief_at(self._latest_ns) if self._latest_ns else None
+        return None if belief is None else self._sensor.keep(Belief(*belief), self._latest_ns)
+
+    def recall(self, kept: bytes, now_ns: int) -> Iterable[Output]:
+        """Begin with what was kept. Only on a cold start: what the fused state knows already must not count twice."""
+        try:
+            self._recalled = (self._sensor.recall(kept, now_ns),)
+        except ValueError as error:
+            yield self.event("warning", "calibration_unusable", f"{self.unit}: {error}; the prior stands", now_ns)
+        else:
+            yield self.event("info", "calibration_recalled", f"{self.unit}: begins with the calibration it kept", now_ns)
+
     def catch_up(self, feedback: Feedback, now_ns: int) -> bool:
         """Begin with the fused state and the train file's share, instead of the train file's prior."""
         for _ in self._take_feedback(feedback, self._estimator.share, now_ns):
@@ -70,7 +86,8 @@ class FilterNode(Node):
             return
         belief = estimator.belief_at(reading.measured_at_ns) if self._needs_belief else None
         observed = self._observer.observe(reading, None if belief is None else Belief(*belief))
-        offered = of_reading(reading, self._order, observed)
+        offered = of_reading(reading, self._order, (*observed, *self._recalled))
+        self._recalled = ()
         counted, refused = self._filter.take(offered, now_ns)
         for notice in (*self._observer.notices(), *self._filter.notices()):
             yield self.event(*notice, now_ns)

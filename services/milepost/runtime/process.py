@@ -22,6 +22,7 @@ from .bus import Inbox, Stop, ZenohBus, open_session
 from .clock import Clock
 from .collector import rare_collection
 from .config import Train
+from .kept import keeper_for
 from .roles import NS, ROLES, Setting, process_name, processes
 from .runner import Runner
 from .yaml_files import ConfigError
@@ -93,11 +94,15 @@ def run_process(train: Train, role_name: str, unit: str, options: ProcessOptions
             # a process that is a little late still begins at the beginning: the prior belongs to the first reading
             from_s = late_s if late_s > LATE_S else 0.0
             node = role.build(train, unit, Setting(instance, world, start.start_ns, from_s))
-        if node.remembers:
-            _catch_up(bus, node, clock)
+        keeper = keeper_for(node, train.name)
+        if not (node.remembers and _catch_up(bus, node, clock)) and keeper is not None:
+            for output in keeper.recall(clock.now_ns()):
+                bus.publish(*output)
         end_ns = start.end_ns + GRACE_NS if start is not None else None
         with rare_collection():
-            Runner(name, node, bus, clock, end_ns, options.parent).run()
+            Runner(name, node, bus, clock, end_ns, options.parent, keeper.once_a_second if keeper else None).run()
+        if keeper is not None:
+            keeper.write()
         del kept
 
 
@@ -111,15 +116,17 @@ def _listen(bus: ZenohBus, node: Node, name: str) -> None:
         bus.serve("latest_feedback", name)
 
 
-def _catch_up(bus: ZenohBus, node: Node, clock: Clock) -> None:
-    """A restarted fuser or filter begins with the newest fused state that another process remembers."""
+def _catch_up(bus: ZenohBus, node: Node, clock: Clock) -> bool:
+    """A restarted fuser or filter begins with the newest fused state that another process remembers; False if none does."""
     answers = [a for a in bus.ask("latest_feedback", Feedback, ASK_S) if isinstance(a, Feedback)]
     if not answers:
-        return
+        return False
     latest = max(answers, key=lambda a: a.measured_at_ns)
     now_ns = clock.now_ns()
     if node.catch_up(latest, now_ns):
         log.info("continuing from the state of %.2f s ago", (now_ns - latest.measured_at_ns) / NS)
+    # an answer that could not be taken still says that the fused state lives: what is in it must not be told again
+    return True
 
 
 def run_router(listen: list[str], config_file: Path | None, parent: int | None = None) -> None:

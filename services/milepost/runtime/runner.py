@@ -6,7 +6,7 @@ import logging
 import os
 import queue
 import time
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 from milepost.nodes.base import Node, Output
@@ -21,10 +21,20 @@ log = logging.getLogger("milepost")
 
 
 class Runner:
-    """The loop of a process. `name` is the process's; `parent` ends it when that process is no longer its parent."""
+    """The loop of a process. `name` is the process's; `parent` ends it when that process is no longer its parent.
+
+    `chore` is done once a second, after health.
+    """
 
     def __init__(
-        self, name: str, node: Node, bus: ZenohBus, clock: Clock, end_ns: int | None = None, parent: int | None = None
+        self,
+        name: str,
+        node: Node,
+        bus: ZenohBus,
+        clock: Clock,
+        end_ns: int | None = None,
+        parent: int | None = None,
+        chore: Callable[[int], None] | None = None,
     ) -> None:
         self._name = name
         self._node = node
@@ -32,6 +42,7 @@ class Runner:
         self._clock = clock
         self._end_ns = end_ns
         self._parent = parent
+        self._chore = chore
         self._meter = Meter(clock.now_ns())
         self._health_ns = clock.now_ns() + HEALTH_NS
         self._health_sequence = 0
@@ -120,6 +131,8 @@ class Runner:
         )
         self._health_sequence += 1
         self._bus.publish("health", self._name, health)
+        if self._chore is not None:
+            self._chore(now_ns)
         if self._parent is not None and os.getppid() != self._parent:
             log.warning("the process that started this one is gone: ending")
             return False

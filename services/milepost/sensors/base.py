@@ -133,6 +133,14 @@ class Sensor(ABC, Generic[O]):
         """Who observes in a filter's process: the sensor itself, where it need not remember anything."""
         return self
 
+    def keep(self, belief: Belief, at_ns: int) -> bytes | None:  # noqa: ARG002
+        """What is worth keeping of a belief from one run to the next; None where nothing is."""
+        return None
+
+    def recall(self, kept: bytes, now_ns: int) -> Observed:  # noqa: ARG002
+        """What was kept, as an observation beside the prior. Raises ValueError saying why it cannot be used."""
+        raise ValueError("this kind of sensor keeps nothing")
+
     def notices(self) -> list[Notice]:
         """Nothing: a sensor by itself sees one reading at a time."""
         return []

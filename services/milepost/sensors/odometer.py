@@ -14,6 +14,7 @@ from .base import Belief, Observed, Observer, Sensor, SensorOptions, Source, Wor
 from .odometer_device import CountedPulses, TimedPulses, Wheel
 from .scale import SCALE, scaled_speed
 from .wheel_slip import SlipOptions, WheelWatch
+from .wheel_store import Calibration, as_knowledge, from_bytes, to_bytes
 
 Metres = Annotated[float, Field(gt=0.0, le=10.0)]
 LARGEST_SCALE_STD = 0.3
@@ -78,6 +79,17 @@ class Odometer(Sensor[OdometerOptions]):
             return (scaled_speed(reading.speed_mps, reading.speed_variance_m2ps2, belief, scale),)
         bound = reading.speed_max_mps * (1.0 if belief is None else 1.0 + float(belief.mean[SCALE]))
         return (Observed((0.0, 1.0, 0.0, 0.0), 0.0, bound * bound / 3.0),)
+
+    def keep(self, belief: Belief, at_ns: int) -> bytes | None:
+        """The scale that was learned."""
+        std = math.sqrt(max(float(belief.covariance[SCALE, SCALE]), 0.0))
+        return to_bytes(Calibration(self.unit, self.options.diameter_m, float(belief.mean[SCALE]), std, at_ns))
+
+    def recall(self, kept: bytes, now_ns: int) -> Observed:
+        """The scale that was learned in an earlier run: h = [0, 0, 0, 1]."""
+        options = self.options
+        value, variance = as_knowledge(from_bytes(kept), self.unit, options.diameter_m, options.scale_std, now_ns)
+        return Observed((0.0, 0.0, 0.0, 1.0), value, variance)
 
     def observer(self) -> Observer:
         """Watches for spin and slide, and reports the diameter."""

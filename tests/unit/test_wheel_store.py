@@ -1,0 +1,212 @@
+"""A kept calibration: back as it was, or refused with the reason; never counted twice; on disk whole or not at all."""
+
+from __future__ import annotations
+
+import json
+import zlib
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from examples import head, sensor, straight_line
+from milepost.estimation.estimator import Prior
+from milepost.estimation.filters.base import FilterSetup
+from milepost.estimation.filters.kalman import KalmanFilter, KalmanOptions
+from milepost.estimation.layout import Layout
+from milepost.nodes.filter import FilterNode
+from milepost.runtime.kept import STATE_DIR, WRITE_EVERY_NS, Keeper, keeper_for
+from milepost.sensors.wheel_store import DAY_NS, Calibration, as_knowledge, from_bytes, to_bytes
+from milepost_schemas import Estimate, Event, SpeedReading
+
+NOW = 1_700_000_000 * 10**9
+KEPT = Calibration("odo", 0.81, 0.0568, 5e-4, NOW - DAY_NS)
+
+
+def knowledge(kept: Calibration, **changed: Any) -> tuple[float, float]:
+    asked = {"unit": "odo", "told_diameter_m": 0.81, "prior_std": 0.06, "now_ns": NOW, **changed}
+    return as_knowledge(kept, **asked)
+
+
+def test_a_calibration_comes_back_as_it_was_written() -> None:
+    assert from_bytes(to_bytes(KEPT)) == KEPT
+
+
+def test_prior_and_kept_calibration_together_are_what_was_kept_and_a_day_of_wear() -> None:
+    """σ² = (5e-4)² + (2e-4)² a day later; information adds: 1/σ² = 1/σ₀² + 1/R, and κ/σ² = z/R."""
+    z, R = knowledge(KEPT)
+    together = 1.0 / (1.0 / 0.06**2 + 1.0 / R)
+    assert together == pytest.approx(5e-4**2 + 2e-4**2)
+    assert together * z / R == pytest.approx(0.0568)
+
+
+def test_the_older_it_is_the_less_it_says() -> None:
+    variances = [knowledge(replace(KEPT, saved_at_ns=NOW - days * DAY_NS))[1] for days in (0, 1, 10, 89)]
+    assert variances == sorted(variances)
+    assert variances[-1] == pytest.approx((89 * 2e-4) ** 2, rel=0.15)
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        ({"unit": "odo-2"}, "of odo-2"),
+        ({"told_diameter_m": 0.85}, "told 850 mm, not 810"),
+        ({"saved_at_ns": NOW - 91 * DAY_NS}, "91 days old"),
+        ({"saved_at_ns": NOW + 120 * 10**9}, "future"),
+        ({"scale": 0.31}, "1061.1 mm is not plausible"),
+        ({"scale": -0.31}, "558.9 mm is not plausible"),
+        ({"scale_std": 0.06}, "no better than the prior"),
+        ({"scale_std": 0.0, "saved_at_ns": NOW}, "no better than the prior"),
+    ],
+)
+def test_a_calibration_that_cannot_be_right_is_refused(change: dict[str, Any], says: str) -> None:
+    with pytest.raises(ValueError, match=says):
+        knowledge(replace(KEPT, **change))
+
+
+def test_a_clock_set_back_by_a_few_seconds_is_no_future() -> None:
+    assert knowledge(replace(KEPT, saved_at_ns=NOW + 5 * 10**9))[0] > 0.0
+
+
+def signed(**fields: Any) -> bytes:
+    """A file with a right checksum, whatever it says."""
+    checksum = zlib.crc32(json.dumps(fields, sort_keys=True).encode())
+    return json.dumps({**fields, "crc32": checksum}, sort_keys=True).encode()
+
+
+GOOD = {"unit": "odo", "told_diameter_m": 0.81, "scale": 0.0568, "scale_std": 5e-4, "saved_at_ns": NOW}
+
+
+@pytest.mark.parametrize(
+    "kept",
+    [
+        b"",
+        b"\x00\xff" * 40,
+        b"[" * 100_000,
+        b"[]",
+        b"{}",
+        to_bytes(KEPT)[:-7],
+        to_bytes(KEPT).replace(b"0.0568", b"0.0569"),
+        to_bytes(KEPT).replace(b'"crc32": ', b'"crc32": 1'),
+        signed(**{**GOOD, "scale": float("nan")}),
+        signed(**{**GOOD, "scale_std": "small"}),
+        signed(**{**GOOD, "saved_at_ns": None}),
+        signed(**{**GOOD, "more": 1}),
+        signed(unit="odo"),
+    ],
+)
+def test_what_was_spoilt_on_disk_is_no_calibration(kept: bytes) -> None:
+    with pytest.raises(ValueError, match=r"not a calibration|checksum"):
+        from_bytes(kept)
+
+
+# in a filter -------------------------------------------------------------------------------------------------------------
+
+
+def node(told_m: float = 0.81) -> FilterNode:
+    odometer = sensor("odometer", straight_line(), "odo", diameter_m=told_m, scale_std=0.06)
+    layout = Layout((("odo", odometer.private_states),))
+    prior = Prior(np.array([0.0, 20.0, 0.0]), np.array([1.0, 1.0, 0.1]))
+    local = KalmanFilter(FilterSetup(layout, 1e-3, prior, 5 * 10**9), KalmanOptions())
+    return FilterNode("metro-1", "a1b2c3d4", odometer, local, 0, True)
+
+
+def reading(sequence: int, speed_mps: float = 19.0) -> SpeedReading:
+    at = NOW + sequence * 100_000_000
+    fields = {"speed_mps": speed_mps, "speed_variance_m2ps2": 0.0025, "interval_s": 0.1}
+    return SpeedReading(**head("odo", sequence=sequence, measured_at_ns=at, published_at_ns=at), **fields)
+
+
+def take(to: FilterNode, sequence: int) -> Estimate:
+    outputs = list(to.step(reading(sequence), NOW + sequence * 100_000_000))
+    (estimate,) = [o.message for o in outputs if isinstance(o.message, Estimate)]
+    return estimate
+
+
+def events(outputs: Any) -> list[tuple[str, str]]:
+    return [(o.message.severity, o.message.code) for o in outputs if isinstance(o.message, Event)]
+
+
+def test_a_kept_calibration_enters_with_the_first_reading_and_never_again() -> None:
+    cold = node()
+    assert events(cold.recall(to_bytes(KEPT), NOW)) == [("info", "calibration_recalled")]
+    first, second = take(cold, 1), take(cold, 2)
+    assert [o.row for o in first.observations[1:]] == [[0.0, 0.0, 0.0, 1.0]]
+    assert [o.component for o in first.observations] == [0, 1]
+    assert len(second.observations) == 1
+    assert first.belief.mean[3] == pytest.approx(0.0568, abs=1e-3)
+    assert first.belief.covariance[3][3] ** 0.5 < 6e-4
+
+
+def test_a_bad_file_is_an_event_and_the_prior_stands() -> None:
+    cold = node()
+    (output,) = cold.recall(to_bytes(replace(KEPT, unit="other")), NOW)
+    assert isinstance(output.message, Event)
+    assert output.message.code == "calibration_unusable"
+    assert "it is of other" in output.message.text
+    assert len(take(cold, 1).observations) == 1
+
+
+def test_what_a_filter_keeps_is_what_it_learned() -> None:
+    warm = node()
+    assert warm.keepsake() is None
+    list(warm.recall(to_bytes(KEPT), NOW))
+    for sequence in range(1, 5):
+        take(warm, sequence)
+    kept = warm.keepsake()
+    assert kept is not None
+    again = from_bytes(kept)
+    assert (again.unit, again.told_diameter_m, again.saved_at_ns) == ("odo", 0.81, NOW + 400_000_000)
+    assert again.scale == pytest.approx(0.0568, abs=2e-3)
+    assert 1e-4 < again.scale_std < 6e-4
+
+
+# on disk -----------------------------------------------------------------------------------------------------------------
+
+
+def test_a_calibration_survives_a_cold_start_through_the_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(STATE_DIR, str(tmp_path / "state"))
+    warm = node()
+    list(warm.recall(to_bytes(KEPT), NOW))
+    take(warm, 1)
+    keeper = keeper_for(warm, "metro-1")
+    assert keeper is not None
+    assert list(keeper.recall(NOW)) == []
+    keeper.write()
+    assert [path.name for path in (tmp_path / "state").iterdir()] == ["metro-1.odo.json"]
+    cold = node()
+    again = keeper_for(cold, "metro-1")
+    assert again is not None
+    assert events(again.recall(NOW + 10**9)) == [("info", "calibration_recalled")]
+    assert take(cold, 2).belief.mean[3] == pytest.approx(0.0568, abs=2e-3)
+
+
+def test_writing_happens_every_five_seconds_and_replaces_the_file(tmp_path: Path) -> None:
+    warm = node()
+    take(warm, 1)
+    keeper = Keeper(warm, tmp_path / "k.json")
+    written = []
+    for second in range(12):
+        keeper.once_a_second(NOW + second * 10**9)
+        written.append((tmp_path / "k.json").stat().st_ino)
+    assert WRITE_EVERY_NS == 5 * 10**9
+    assert [written[i] != written[i - 1] for i in range(1, 12)] == [i in (5, 10) for i in range(1, 12)]
+    assert len(list(tmp_path.iterdir())) == 1
+
+
+def test_a_disk_that_fails_is_said_once_and_stops_nothing(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    warm = node()
+    take(warm, 1)
+    (tmp_path / "file").write_text("in the way")
+    keeper = Keeper(warm, tmp_path / "file" / "k.json")
+    keeper.write()
+    keeper.write()
+    assert len([r for r in caplog.records if "not kept" in r.message]) == 1
+    assert list(keeper.recall(NOW)) == []
+
+
+def test_nothing_is_kept_without_a_folder(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv(STATE_DIR, raising=False)
+    assert keeper_for(node(), "metro-1") is None
