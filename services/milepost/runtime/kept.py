@@ -37,7 +37,9 @@ class Keeper:
         except OSError as error:
             log.warning("%s: %s", self._path, error.strerror)
             return
-        yield from self._node.recall(kept, now_ns)
+        for output in self._node.recall(kept, now_ns):
+            log.info("%s", getattr(output.message, "text", ""))
+            yield output
 
     def once_a_second(self, now_ns: int) -> None:
         """Write every five seconds."""

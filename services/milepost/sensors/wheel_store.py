@@ -13,6 +13,9 @@ OLDEST_DAYS = 90.0
 # wheels wear from 920 to 770 mm in their life: a thousand kilometres a day take up to this share of the diameter
 WEAR_PER_DAY = 2e-4
 PLAUSIBLE_SIGMAS = 5.0
+# the wheels of a train learned against the same radar, whose error they share: taken as independent, two of them would
+# count it twice. Doubling both variances is covariance intersection with equal weights
+SHARED_BY = 2.0
 # a clock may be set back by this between two runs
 CLOCK_NS = 60 * 10**9
 
@@ -55,7 +58,7 @@ def as_knowledge(
 ) -> tuple[float, float]:
     """What a kept calibration adds to a prior N(0, σ₀²) of the scale: an observation of it, as value and variance.
 
-    With age d in days, σ² = σ_kept² + (w d)², w the wear. The prior is in what was kept already and must not count twice:
+    With age d in days, σ² = 2 σ_kept² + (w d)², w the wear. The prior is in what was kept already and must not count twice:
     R = 1/(1/σ² - 1/σ₀²), z = κ R/σ², so that prior and observation together give κ and σ.
     Raises ValueError saying why it cannot be used: another unit or told diameter, too old or from the future, a scale more
     than 5 σ₀ from none, or nothing better known than the prior.
@@ -71,7 +74,7 @@ def as_knowledge(
         raise ValueError(f"it is {days:.0f} days old")
     if abs(calibration.scale) > PLAUSIBLE_SIGMAS * prior_std:
         raise ValueError(f"a diameter of {1e3 * told_diameter_m * (1.0 + calibration.scale):.1f} mm is not plausible")
-    variance = calibration.scale_std**2 + (WEAR_PER_DAY * days) ** 2
+    variance = SHARED_BY * calibration.scale_std**2 + (WEAR_PER_DAY * days) ** 2
     if not 0.0 < variance < 0.98 * prior_std**2:
         raise ValueError(f"it knows the scale to {calibration.scale_std:.3g}, no better than the prior")
     R = 1.0 / (1.0 / variance - 1.0 / prior_std**2)
