@@ -82,6 +82,41 @@ def test_pitch_and_vertical_speed_of_the_body_are_in_the_stated_variance_with_th
     assert means.var() == pytest.approx(variance / math.tanh(0.05) / 400, rel=4.0 * math.sqrt(2.0 / 50))
 
 
+# its defaults ---------------------------------------------------------------------------------------------------------
+
+
+def test_the_radars_error_is_white_with_the_variance_that_it_states() -> None:
+    on = world(end_s=200.0, jerk_psd=1e-6)
+    said = readings("doppler_radar", on)
+    n = len(said)
+    assert n == 20_001
+    assert {m.fields["speed_variance_m2ps2"] for m in said} == {0.04}
+    error = np.array([m.fields["speed_mps"] - on.motion.at(m.measured_s)[1] for m in said])
+    assert abs(error.mean()) < 4.0 * 0.2 / math.sqrt(n)
+    assert error.var() == pytest.approx(0.04, rel=4.0 * math.sqrt(2.0 / n))
+    # normal: the fourth moment is three times the squared variance, with a standard deviation of √96 / √n
+    assert np.mean(error**4) / error.var() ** 2 == pytest.approx(3.0, abs=4.0 * math.sqrt(96.0 / n))
+    for lag in (1, 2, 5, 512):
+        assert abs(np.mean(error[lag:] * error[:-lag])) / 0.04 < 4.0 / math.sqrt(n)
+
+
+@pytest.mark.parametrize(("rate_hz", "variance"), [(50.0, 0.25), (200.0, 0.01)])
+def test_the_radar_keeps_its_rate_and_variance_as_configured(rate_hz: float, variance: float) -> None:
+    on = world(end_s=40.0)
+    said = readings("doppler_radar", on, rate_hz=rate_hz, speed_variance_m2ps2=variance)
+    assert [m.measured_s for m in said] == pytest.approx(np.arange(len(said)) / rate_hz)
+    assert len(said) == 40.0 * rate_hz + 1
+    error = np.array([m.fields["speed_mps"] - 20.0 for m in said])
+    assert error.var() == pytest.approx(variance, rel=5.0 * math.sqrt(2.0 / len(said)))
+
+
+def test_the_radar_observes_the_speed() -> None:
+    radar = sensor("doppler_radar", straight_line())
+    reading = SpeedReading(**head(), speed_mps=12.5, speed_variance_m2ps2=0.04)
+    assert [tuple(o) for o in radar.observe(reading, None)] == [((0.0, 1.0, 0.0), 12.5, 0.04)]
+    assert radar.period_s == 0.01
+
+
 # noise, dead zone, drop-outs ---------------------------------------------------------------------------------------------
 
 

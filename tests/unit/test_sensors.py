@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import json
 import math
 import time
@@ -16,10 +15,8 @@ from examples import REPLAYED_ONLY, head, options_of, sensor, straight_line, wor
 from milepost.estimation.track import Line, Track
 from milepost.sensors import SENSORS
 from milepost.sensors.base import Measured, SensorOptions, Source, World
-from milepost.sensors.induction_loop import Crossings
-from milepost.sensors.pulses import LONGEST_BOUND_S
 from milepost.simulation.recording import read_gnss_log
-from milepost_schemas import BY_NAME, PositionReading, SpeedReading
+from milepost_schemas import BY_NAME, PositionReading
 
 SIMULATED = sorted(set(SENSORS) - REPLAYED_ONLY)
 each_kind = pytest.mark.parametrize("kind", sorted(SENSORS))
@@ -38,14 +35,6 @@ def readings(source: Source, until_s: float = math.inf) -> list[Measured]:
 
 def opened(kind: str, on: World, from_s: float = 0.0, **options: Any) -> Source:
     return sensor(kind, on.line, **options).open(on, from_s)
-
-
-def speeds(measured: list[Measured]) -> list[Measured]:
-    return [m for m in measured if m.fields.get("speed_mps") is not None]
-
-
-def bounds(measured: list[Measured]) -> list[Measured]:
-    return [m for m in measured if m.fields.get("speed_max_mps") is not None]
 
 
 def same_to_the_nanosecond(some: list[Measured], others: list[Measured]) -> bool:
@@ -111,8 +100,8 @@ def test_the_same_seed_gives_the_same_readings_and_another_seed_or_unit_others(k
 def test_a_source_opened_later_says_what_one_opened_at_the_start_says_from_then_on(kind: str, from_s: float) -> None:
     on = world(jerk_psd=1e-6, end_s=30.0)
     whole, late = readings(opened(kind, on)), readings(opened(kind, on, from_s))
-    # a pulse sensor measures between pulses: its first reading needs two that it saw itself
-    begun = late[0].measured_s if kind in ("induction_loop", "odometer") else from_s
+    # a pulse sensor measures between pulses: its first reading needs two that it saw itself; an IMU says a mean, true before
+    begun = late[0].measured_s if kind in ("induction_loop", "odometer", "imu") else from_s
     assert begun <= from_s + 0.05
     expected = [m for m in whole if m.measured_s >= begun]
     assert late
@@ -128,145 +117,6 @@ def test_a_source_ends_with_its_world(kind: str) -> None:
     said = readings(source)
     assert source.next_s() is None
     assert all(m.measured_s <= 3.0 for m in said)
-
-
-# Doppler radar -----------------------------------------------------------------------------------------------------------
-
-
-def test_the_radars_error_is_white_with_the_variance_that_it_states() -> None:
-    on = world(end_s=200.0, jerk_psd=1e-6)
-    said = readings(opened("doppler_radar", on))
-    n = len(said)
-    assert n == 20_001
-    assert {m.fields["speed_variance_m2ps2"] for m in said} == {0.04}
-    error = np.array([m.fields["speed_mps"] - on.motion.at(m.measured_s)[1] for m in said])
-    assert abs(error.mean()) < 4.0 * 0.2 / math.sqrt(n)
-    assert error.var() == pytest.approx(0.04, rel=4.0 * math.sqrt(2.0 / n))
-    # normal: the fourth moment is three times the squared variance, with a standard deviation of √96 / √n
-    assert np.mean(error**4) / error.var() ** 2 == pytest.approx(3.0, abs=4.0 * math.sqrt(96.0 / n))
-    for lag in (1, 2, 5, 512):
-        assert abs(np.mean(error[lag:] * error[:-lag])) / 0.04 < 4.0 / math.sqrt(n)
-
-
-@pytest.mark.parametrize(("rate_hz", "variance"), [(50.0, 0.25), (200.0, 0.01)])
-def test_the_radar_keeps_its_rate_and_variance_as_configured(rate_hz: float, variance: float) -> None:
-    on = world(end_s=40.0)
-    said = readings(opened("doppler_radar", on, rate_hz=rate_hz, speed_variance_m2ps2=variance))
-    assert [m.measured_s for m in said] == pytest.approx(np.arange(len(said)) / rate_hz)
-    assert len(said) == 40.0 * rate_hz + 1
-    error = np.array([m.fields["speed_mps"] - 20.0 for m in said])
-    assert error.var() == pytest.approx(variance, rel=5.0 * math.sqrt(2.0 / len(said)))
-
-
-def test_the_radar_observes_the_speed() -> None:
-    radar = sensor("doppler_radar", straight_line())
-    reading = SpeedReading(**head(), speed_mps=12.5, speed_variance_m2ps2=0.04)
-    assert [tuple(o) for o in radar.observe(reading, None)] == [((0.0, 1.0, 0.0), 12.5, 0.04)]
-    assert radar.observe(SpeedReading(**head(), speed_max_mps=0.5), None) == ()
-    assert radar.period_s == 0.01
-
-
-# induction loop ----------------------------------------------------------------------------------------------------------
-
-PITCH, PITCH_STD = 0.1, 0.00224
-
-
-@pytest.mark.parametrize("speed", [3.0, 20.0, 47.0])
-def test_the_loop_states_the_variance_of_its_error(speed: float) -> None:
-    on = world([(0.0, speed)], end_s=60.0)
-    said = speeds(readings(opened("induction_loop", on)))
-    assert len(said) > 1000
-    squares = []
-    for m in said:
-        dt = m.fields["interval_s"]
-        pitches = m.fields["speed_mps"] * dt / PITCH
-        assert pitches == pytest.approx(round(pitches), abs=1e-9)
-        assert m.fields["speed_variance_m2ps2"] == pytest.approx(round(pitches) * PITCH_STD**2 / dt**2)
-        error = m.fields["speed_mps"] - speed
-        squares.append(error**2 / m.fields["speed_variance_m2ps2"])
-    assert np.mean(squares) == pytest.approx(1.0, abs=5.0 * math.sqrt(2.0 / len(squares)))
-
-
-def test_the_loops_variance_at_20_metres_a_second_is_that_of_the_source() -> None:
-    said = speeds(readings(opened("induction_loop", world(end_s=20.0))))
-    variance = np.mean([m.fields["speed_variance_m2ps2"] for m in said])
-    assert variance == pytest.approx(0.1, rel=0.02)
-
-
-def test_the_loops_readings_lie_end_to_end_and_add_up_to_32_centimetres_rms_after_2_kilometres() -> None:
-    """√(2000 m / 0.1 m) · 2.24 mm = 0.317 m: a missed or doubled interval would add at least a pitch each."""
-    errors = []
-    for seed in range(30):
-        on = world([(0.0, 50.0)], end_s=40.05, seed=seed)
-        said = speeds(readings(opened("induction_loop", on)))
-        middle, speed = np.array([(m.measured_s, m.fields["speed_mps"]) for m in said]).T
-        half = 0.5 * np.array([m.fields["interval_s"] for m in said])
-        begin, end = middle - half, middle + half
-        assert np.abs(begin[1:] - end[:-1]).max() < 1e-9
-        travelled = on.motion.at(float(end[-1]))[0] - on.motion.at(float(begin[0]))[0]
-        errors.append(float(speed @ (2.0 * half)) - travelled)
-    expected = PITCH_STD * math.sqrt(2000.0 / PITCH)
-    assert expected == pytest.approx(0.317, abs=0.001)
-    assert math.sqrt(np.mean(np.square(errors))) == pytest.approx(expected, rel=4.0 / math.sqrt(2 * len(errors)))
-    assert abs(np.mean(errors)) < 4.0 * expected / math.sqrt(len(errors))
-
-
-def test_the_loop_stamps_a_reading_where_the_speed_is_the_mean_speed() -> None:
-    """At 2 m/s² a stamp at the last pulse would be off by a Δt/2, about 0.01 m/s."""
-    on = world([(0.0, 5.0), (20.0, 45.0)], end_s=19.0)
-    said = speeds(readings(opened("induction_loop", on, pitch_std_m=1e-9)))
-    assert len(said) > 1000
-    for m in said:
-        assert m.fields["speed_mps"] == pytest.approx(on.motion.at(m.measured_s)[1], abs=1e-5)
-
-
-def test_the_loops_silence_is_an_upper_bound_that_falls_and_never_zero_and_ends() -> None:
-    on = world([(0.0, 4.0), (8.0, 0.0)], end_s=30.0)
-    said = readings(opened("induction_loop", on, pitch_std_m=1e-9))
-    assert all(m.fields["speed_mps"] > 0.0 for m in speeds(said))
-    last = speeds(said)[-1]
-    last_pulse = last.measured_s + 0.5 * last.fields["interval_s"]
-    silence = [m for m in bounds(said) if m.measured_s > last_pulse]
-    assert len(silence) >= 5
-    for m in bounds(said):
-        assert set(m.fields) == {"speed_max_mps", "interval_s"}
-        assert m.fields["speed_max_mps"] >= on.motion.at(m.measured_s)[1] > -1e-9
-        assert m.fields["speed_max_mps"] == pytest.approx(PITCH / m.fields["interval_s"])
-    falling = [m.fields["speed_max_mps"] for m in silence]
-    assert all(b <= 0.5 * a + 1e-9 for a, b in itertools.pairwise(falling))
-    assert all(bound > 0.0 for bound in falling)
-    ends = [m.measured_s + 0.5 * m.fields["interval_s"] for m in silence]
-    assert max(ends) <= last_pulse + LONGEST_BOUND_S + 1e-9
-    assert on.motion.end_s > max(ends) + 10.0
-
-
-def test_a_loop_that_starts_at_standstill_says_bounds_and_then_nothing() -> None:
-    said = readings(opened("induction_loop", world([(0.0, 0.0)], end_s=20.0)))
-    assert speeds(said) == []
-    assert bounds(said)
-    assert all(m.measured_s + 0.5 * m.fields["interval_s"] <= LONGEST_BOUND_S + 1e-9 for m in said)
-
-
-def test_the_loop_takes_a_bound_as_half_of_it_give_or_take_as_much() -> None:
-    loop = sensor("induction_loop", straight_line())
-    bound = SpeedReading(**head(), speed_max_mps=0.5, interval_s=0.2)
-    assert [tuple(o) for o in loop.observe(bound, None)] == [((0.0, 1.0, 0.0), 0.25, 0.0625)]
-    value = SpeedReading(**head(), speed_mps=20.0, speed_variance_m2ps2=0.1)
-    assert [tuple(o) for o in loop.observe(value, None)] == [((0.0, 1.0, 0.0), 20.0, 0.1)]
-    assert loop.period_s is None
-
-
-def test_crossings_are_a_fixed_property_of_the_track() -> None:
-    forward, backward = (Crossings(1, "loop", PITCH, PITCH_STD) for _ in range(2))
-    wanted = [0, 1, 511, 512, 513, 2000, 5119, 5120]
-    places = {k: forward.position(k) for k in wanted}
-    assert {k: backward.position(k) for k in reversed(wanted)} == places
-    steps = np.diff([forward.position(k) for k in range(6000)])
-    assert steps.mean() == pytest.approx(PITCH, abs=4.0 * PITCH_STD / math.sqrt(6000))
-    assert steps.std() == pytest.approx(PITCH_STD, rel=4.0 / math.sqrt(2 * 6000))
-    for position in (0.0, 0.05, 51.3, 200.0, 511.99):
-        k = forward.last_before(position)
-        assert forward.position(k) <= position < forward.position(k + 1)
 
 
 # balise reader -----------------------------------------------------------------------------------------------------------

@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
-import numpy as np
-from pydantic import Field
-
-from milepost.estimation.layout import Array
-from milepost.simulation.motion import Motion
-from milepost.simulation.noise import BLOCK, block_rng
+from pydantic import Field, model_validator
 
 from .base import Belief, Measured, Observed, PeriodicSource, Sensor, SensorOptions, Source, World
+from .loop_antenna import Antenna, Pair, Single
+from .loop_count import Faults, pitches
+from .loop_track import Crossings, Unseen
 from .pulses import Silence
+
+# so rare are more misses in a row than a bound allows for
+NEVER = 1e-6
+SPEED = (0.0, 1.0, 0.0)
 
 
 class InductionLoopOptions(SensorOptions):
@@ -22,12 +24,43 @@ class InductionLoopOptions(SensorOptions):
 
     2.24 mm on 0.1 m makes 0.1 (m/s)² over 10 ms at 20 m/s, which is source A's figure, and 0.3 m rms after 2 km.
     `phase_s`: when, after each whole period, the pulses are read out.
+    `missed_probability`: of each crossing. Joints without crossings, `joint_length_m` long, lie at each multiple of
+    `joint_every_m`. `antennas: 2`: a second one `antenna_spacing_m` behind the first bridges them.
     """
 
     rate_hz: Annotated[float, Field(gt=0.0, le=1000.0)] = 100.0
     phase_s: Annotated[float, Field(ge=0.0, lt=1.0)] = 0.0
     pitch_m: Annotated[float, Field(gt=0.0)] = 0.1
     pitch_std_m: Annotated[float, Field(gt=0.0)] = 0.00224
+    missed_probability: Annotated[float, Field(ge=0.0, le=0.1)] = 0.0
+    joint_every_m: Annotated[float, Field(gt=0.0)] | None = None
+    joint_length_m: Annotated[float, Field(gt=0.0)] = 1.0
+    antennas: Literal[1, 2] = 1
+    antenna_spacing_m: Annotated[float, Field(gt=0.0)] = 2.0
+
+    @model_validator(mode="after")
+    def _one_antenna_is_always_over_the_loop(self) -> InductionLoopOptions:
+        every, length = self.joint_every_m, self.joint_length_m
+        if every is None:
+            return self
+        if length >= 0.5 * every:
+            raise ValueError("joint_length_m must be less than half of joint_every_m")
+        if self.antennas == 2 and not length < self.antenna_spacing_m < every - length:
+            raise ValueError("antenna_spacing_m must be such that both antennas are never over a joint at once")
+        return self
+
+    @property
+    def faults(self) -> Faults | None:
+        """What can make a reading's count of pitches too low; None where nothing can."""
+        bare = self.joint_every_m is not None and self.antennas == 1
+        if self.missed_probability == 0.0 and not bare:
+            return None
+        every = self.joint_every_m if bare else None
+        return Faults(
+            self.missed_probability,
+            round(self.joint_length_m / self.pitch_m),
+            0.0 if every is None else self.pitch_m / every,
+        )
 
 
 class InductionLoop(Sensor[InductionLoopOptions]):
@@ -36,18 +69,43 @@ class InductionLoop(Sensor[InductionLoopOptions]):
     Stamped at mid-interval, where the mean speed equals the instantaneous one up to a'Δt²/24. Each pitch is off by
     N(0, σ²) independently, so R = n σ²/Δt² and the readings' errors add up to a position error that grows as √n.
     No pulse is an upper bound on speed, p/Δt, never zero: taken as z = p/2Δt, R = (p/2Δt)². Source: A (11).
+
+    A missed crossing makes one reading of n pitches say m = n - 1, and the position one pitch too low until the next fix.
+    Where crossings can be missed, n comes from m and the belief's speed (see `loop_count`): z = E[n] p/Δt,
+    R = E[n] σ²/Δt² + Var[n] p²/Δt²; and a bound allows for the misses and the joint that silence may hide.
     """
 
     kind = "induction_loop"
     stream = "speed_reading"
     options_model = InductionLoopOptions
 
-    def observe(self, reading: Any, belief: Belief | None) -> Sequence[Observed]:  # noqa: ARG002
+    @property
+    def needs_belief(self) -> bool:
+        """Where crossings can be missed, to say how many."""
+        return self.options.faults is not None
+
+    def observe(self, reading: Any, belief: Belief | None) -> Sequence[Observed]:
         """h = [0, 1, 0]."""
+        faults = self.options.faults
         if reading.speed_mps is None:
-            middle = 0.5 * reading.speed_max_mps
-            return (Observed((0.0, 1.0, 0.0), middle, middle * middle),)
-        return (Observed((0.0, 1.0, 0.0), reading.speed_mps, reading.speed_variance_m2ps2),)
+            hidden_m = 0.0 if faults is None else self._hidden_m(faults)
+            middle = 0.5 * reading.speed_max_mps * (1.0 + hidden_m / self.options.pitch_m)
+            return (Observed(SPEED, middle, middle * middle),)
+        if faults is None or reading.interval_s <= 0.0:
+            return (Observed(SPEED, reading.speed_mps, reading.speed_variance_m2ps2),)
+        pitch, std, dt = self.options.pitch_m, self.options.pitch_std_m, reading.interval_s
+        seen = max(1, round(reading.speed_mps * dt / pitch))
+        expected, variance = None, 0.0
+        if belief is not None:
+            expected = float(belief.mean[1]) * dt / pitch
+            variance = float(belief.covariance[1, 1]) * (dt / pitch) ** 2
+        n = pitches(seen, expected, variance, (std / pitch) ** 2, faults)
+        return (Observed(SPEED, n.mean * pitch / dt, (n.mean * std * std + n.variance * pitch * pitch) / (dt * dt)),)
+
+    def _hidden_m(self, faults: Faults) -> float:
+        misses = math.ceil(math.log(NEVER) / math.log(faults.missed)) if faults.missed > 0.0 else 0
+        joint = self.options.joint_length_m if faults.joint_probability > 0.0 else 0.0
+        return misses * self.options.pitch_m + joint
 
     def open(self, world: World | None, from_s: float) -> Source:
         """Simulated crossings of the world's motion."""
@@ -56,83 +114,49 @@ class InductionLoop(Sensor[InductionLoopOptions]):
         return _Simulated(self.unit, self.options, world, from_s)
 
 
-class Crossings:
-    """Where the loop crosses: crossing k lies at k p + Σ errors of the pitches before it, a fixed property of the track."""
-
-    def __init__(self, seed: int, unit: str, pitch_m: float, pitch_std_m: float) -> None:
-        self._seed, self._unit, self._pitch, self._std = seed, unit, pitch_m, pitch_std_m
-        self._block_starts = [0.0]
-        self._block = -1
-        self._positions: list[float] = []
-
-    def position(self, k: int) -> float:
-        """The position of crossing k ≥ 0; crossings below 0 lie on the bare pitch."""
-        if k < 0:
-            return k * self._pitch
-        block, place = divmod(k, BLOCK)
-        if block != self._block:
-            while len(self._block_starts) <= block:
-                n = len(self._block_starts) - 1
-                self._block_starts.append(self._block_starts[n] + float(self._pitches(n).sum()))
-            starts = np.concatenate([[0.0], np.cumsum(self._pitches(block)[:-1])])
-            self._positions = (self._block_starts[block] + starts).tolist()
-            self._block = block
-        return self._positions[place]
-
-    def _pitches(self, block: int) -> Array:
-        return self._pitch + self._std * block_rng(self._seed, self._unit, block).standard_normal(BLOCK)
-
-    def last_before(self, position_m: float) -> int:
-        """The number of the last crossing at or before a position."""
-        k = math.floor(position_m / self._pitch)
-        while self.position(k) > position_m:
-            k -= 1
-        while self.position(k + 1) <= position_m:
-            k += 1
-        return k
-
-
 class _Simulated(PeriodicSource):
     def __init__(self, unit: str, options: InductionLoopOptions, world: World, from_s: float) -> None:
         super().__init__(1.0 / options.rate_hz, from_s, world.motion.end_s, options.phase_s)
         self._motion = world.motion
         self._pitch, self._variance = options.pitch_m, options.pitch_std_m**2
-        self._crossings = Crossings(world.seed, unit, options.pitch_m, options.pitch_std_m)
         self._t = self.time_of(self._index)
         self._index += 1
         self._s = self._motion.at(self._t)[0]
-        self._k = self._crossings.last_before(self._s)
-        self._next_m = self._crossings.position(self._k + 1)
-        self._pulse_s: float | None = None
+        self._antennas = [
+            Antenna(
+                Crossings(world.seed, unit, options.pitch_m, options.pitch_std_m),
+                Unseen(
+                    world.seed,
+                    f"{unit}.{i}",
+                    options.pitch_m,
+                    options.missed_probability,
+                    options.joint_every_m,
+                    options.joint_length_m,
+                ),
+                world.motion,
+                -i * options.antenna_spacing_m,
+                self._s,
+            )
+            for i in range(options.antennas)
+        ]
+        self._device = Single() if options.antennas == 1 else Pair()
         self._silence = Silence(self._t, self.period_s)
 
     def sample(self, index: int, t_s: float) -> Measured | None:  # noqa: ARG002
         from_s, from_m = self._t, self._s
         self._t, (self._s, v, _) = t_s, self._motion.at(t_s)
-        passed, last_m = 0, 0.0
-        while self._next_m <= self._s:
-            passed, last_m = passed + 1, self._next_m
-            self._next_m = self._crossings.position(self._k + passed + 1)
-        if not passed:
+        seen = [antenna.look(from_s, from_m, t_s, self._s, v) for antenna in self._antennas]
+        last_s = max((pulses.last_s for pulses in seen if pulses is not None), default=None)
+        chosen = self._device.choose(seen)
+        if last_s is None:
             return self._silence.bound(t_s, self._pitch)
-        self._k += passed
-        pulse_s = _crossed_at(self._motion, last_m, from_s, from_m, t_s, self._s, v)
-        before_s, self._pulse_s = self._pulse_s, pulse_s
-        self._silence.broken(pulse_s)
-        if before_s is None:
+        self._silence.broken(last_s)
+        if chosen is None or chosen.before_s is None:
             return None
-        dt = pulse_s - before_s
+        dt = chosen.last_s - chosen.before_s
         fields = {
-            "speed_mps": passed * self._pitch / dt,
-            "speed_variance_m2ps2": passed * self._variance / (dt * dt),
+            "speed_mps": chosen.passed * self._pitch / dt,
+            "speed_variance_m2ps2": chosen.passed * self._variance / (dt * dt),
             "interval_s": dt,
         }
-        return Measured(0.5 * (pulse_s + before_s), fields)
-
-
-def _crossed_at(motion: Motion, at_m: float, t0: float, s0: float, t1: float, s1: float, v1: float) -> float:
-    """The time in [t0, t1] at which the train passed `at_m`: the chord's, then one Newton step (over 10 ms: to 1e-12 s)."""
-    t = t0 + (at_m - s0) / (s1 - s0) * (t1 - t0)
-    s, v, _ = motion.at(t)
-    t += (at_m - s) / max(v, 0.5 * v1, 1e-3)
-    return min(max(t, t0), t1)
+        return Measured(0.5 * (chosen.last_s + chosen.before_s), fields)
