@@ -1,71 +1,92 @@
-"""`milepost evaluate`: a scenario on the memory bus, estimator beside estimator."""
+"""`milepost evaluate`: estimators side by side, offline; one scenario, or all of them with their claims."""
 
 from __future__ import annotations
 
 import json
-from contextlib import ExitStack
+import os
+import sys
+from collections.abc import Sequence
+from importlib.util import find_spec
 from pathlib import Path
-from typing import Any, TextIO
 
-from milepost.evaluation.scenario_run import evaluate_once
-from milepost.evaluation.summary import summary
-from milepost.runtime.config import load_scenario
-from milepost.runtime.memory_bus import Tap
-from milepost.runtime.recording import write_line
+from milepost.evaluation.campaign import Evaluated, Skipped, as_fields, evaluate, find, tasks_of
+from milepost.evaluation.plan import Plan, make_plan
+from milepost.evaluation.tables import claims_table, estimator_table
 from milepost.runtime.yaml_files import ConfigError
 
 from .progress import progress_bar
 
+DEFAULT_FOLDER = Path("deploy/scenarios")
+RUNS_OF_ALL = 20
 
-def run_evaluate(path: Path, seed: int | None, runs: int, as_json: bool, plot: Path | None, record: Path | None) -> int:
-    """Evaluate a scenario and print the figures. Raises ConfigError."""
+
+def run_evaluate(
+    path: Path,
+    seed: int | None,
+    runs: int | None,
+    jobs: int | None,
+    as_json: bool,
+    plot: Path | None,
+    record: Path | None,
+    report: Path | None,
+) -> int:
+    """Evaluate one scenario and print its figures. Raises ConfigError."""
     for file in (plot, record):
-        if file is not None and not file.parent.is_dir():
-            raise ConfigError(file, "", "its folder does not exist")
-        if file is not None and file.is_dir():
-            raise ConfigError(file, "", "is a folder")
-    if plot is not None:
-        # known to be missing before the work, not after it
-        _import_plotting()
-    scenario, _ = load_scenario(path)
-    first = scenario.seed if seed is None else seed
-    results = []
-    with ExitStack() as stack:
-        kept = stack.enter_context(record.open("w", encoding="utf-8")) if record is not None else None
-        show = stack.enter_context(progress_bar(scenario.scenario, runs * 2 * scenario.duration_s))
-        for run in range(runs):
-            done = run * 2 * scenario.duration_s
-            also = _writer(kept) if kept is not None and run == 0 else None
-            result, _, traces = evaluate_once(path, first + run, also, lambda t: show(done + t))  # noqa: B023
-            results.append(result)
-            if plot is not None and run == 0:
-                _import_plotting()(plot, scenario, traces)
-    result = results[0] if runs == 1 else summary(results)
-    print(json.dumps(result) if as_json else _table(result))
+        _check_output(file)
+    _check_pictures(plot, report)
+    plan = make_plan(path, seed)
+    keep = plot is not None or report is not None
+    done = _work([plan], runs or 1, jobs, keep, record)[0]
+    if plot is not None and done.traces is not None:
+        from milepost.evaluation.plotting import draw_errors
+
+        draw_errors(plot, plan.scenario.scenario, done.traces[""])
+    _write_report(report, [done], [])
+    result = done.results[0] if len(done.results) == 1 else done.figures
+    print(json.dumps(result) if as_json else estimator_table(result))
     return 0
 
 
-def _writer(file: TextIO) -> Tap:
-    return lambda output, now_ns: write_line(file, output.message.train, output, now_ns)
+def run_evaluate_all(
+    folder: Path | None, runs: int | None, jobs: int | None, as_json: bool, report: Path | None, only: Sequence[str]
+) -> int:
+    """Evaluate a folder's scenarios and print all claims; 1 if a target is missed without a reason. Raises ConfigError."""
+    _check_pictures(None, report)
+    plans, skipped = find(folder or DEFAULT_FOLDER, [name for names in only for name in names.split(",") if name])
+    for each in skipped:
+        print(f"skipped {each.scenario}: {each.reason}", file=sys.stderr)
+    done = _work(plans, runs or RUNS_OF_ALL, jobs, report is not None, None) if plans else []
+    _write_report(report, done, skipped)
+    rows = [row for each in done for row in each.rows]
+    print(json.dumps(as_fields(done, skipped)) if as_json else claims_table(sorted(rows, key=lambda row: row.source)))
+    return int(any(not row.met and not row.why for row in rows))
 
 
-def _import_plotting() -> Any:
-    try:
-        from milepost.evaluation.plotting import draw
-    except ImportError as error:
-        raise ConfigError("evaluate", "--plot", "needs matplotlib: pip install 'milepost[plot]'") from error
-    return draw
+def _work(plans: Sequence[Plan], runs: int, jobs: int | None, keep: bool, record: Path | None) -> list[Evaluated]:
+    total = sum(task.work_s for plan in plans for task in tasks_of(plan, runs, keep))
+    text = plans[0].scenario.scenario if len(plans) == 1 else f"{len(plans)} scenarios"
+    with progress_bar(text, total) as show:
+        return evaluate(plans, runs, jobs or os.cpu_count() or 1, keep, show, record)
 
 
-def _table(result: dict[str, Any]) -> str:
-    keys = ("position_rms_m", "position_max_m", "position_final_m", "speed_rms_mps", "speed_max_mps", "nees_mean")
-    lines = [f"{result['scenario']}: seed {result['seed']}, {result['duration_s']:g} s, {result.get('runs', 1)} run(s)"]
-    lines.append(f"{'':14}" + "".join(f"{key:>18}" for key in keys))
-    for name, figures in result["estimators"].items():
-        lines.append(f"{name:14}" + "".join(f"{figures[key]:18.5f}" for key in keys))
-    lines += [
-        f"{key}: {value:.9g}"
-        for key, value in result.items()
-        if isinstance(value, (int, float)) and key not in ("seed", "duration_s", "runs")
-    ]
-    return "\n".join(lines)
+def _check_output(file: Path | None) -> None:
+    if file is not None and not file.parent.is_dir():
+        raise ConfigError(file, "", "its folder does not exist")
+    if file is not None and file.is_dir():
+        raise ConfigError(file, "", "is a folder")
+
+
+def _check_pictures(plot: Path | None, report: Path | None) -> None:
+    """What cannot be drawn or put anywhere is known before the work, not after it."""
+    if report is not None and report.exists() and not report.is_dir():
+        raise ConfigError(report, "", "is not a folder")
+    if (plot is not None or report is not None) and find_spec("matplotlib") is None:
+        option = "--plot" if report is None else "--report"
+        raise ConfigError("evaluate", option, "needs matplotlib: pip install 'milepost[plot]'")
+
+
+def _write_report(folder: Path | None, done: Sequence[Evaluated], skipped: Sequence[Skipped]) -> None:
+    if folder is not None:
+        from milepost.evaluation.report import write_report
+
+        write_report(folder, done, skipped)

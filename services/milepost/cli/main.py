@@ -11,7 +11,7 @@ import typer
 from milepost.runtime.yaml_files import ConfigError
 from milepost.runtime.zenoh_config import DEFAULT_ENDPOINT
 
-DEFAULT_TRAIN = Path("deploy/trains/maglev.yaml")
+DEFAULT_TRAIN = Path("deploy/trains/full.yaml")
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -87,17 +87,33 @@ def run(
 
 @app.command()
 def evaluate(
-    scenario: Annotated[Path, typer.Argument(help="a scenario file")],
+    scenario: Annotated[
+        Path | None, typer.Argument(help="a scenario file; with --all, the folder of them (deploy/scenarios)")
+    ] = None,
+    everything: Annotated[bool, typer.Option("--all", help="every scenario of the folder, beside what sources claim")] = False,
     seed: Annotated[int | None, typer.Option("--seed", min=0, help="another seed than the scenario's")] = None,
-    runs: Annotated[int, typer.Option("--runs", min=1, help="so many seeds, counting up; figures are medians and worst")] = 1,
+    runs: Annotated[
+        int | None, typer.Option("--runs", min=1, help="so many seeds, counting up; medians and worst (1; with --all, 20)")
+    ] = None,
+    jobs: Annotated[int | None, typer.Option("--jobs", min=1, help="so many processes; as many as cores")] = None,
     as_json: JsonOption = False,
     plot: Annotated[Path | None, typer.Option("--plot", help="draw errors and intervals to this PNG file")] = None,
     record: Annotated[Path | None, typer.Option("--record", help="keep every message in this JSON-lines file")] = None,
+    report: Annotated[
+        Path | None, typer.Option("--report", help="write index.html, results.json and pictures to this folder")
+    ] = None,
+    only: Annotated[list[str], typer.Option("--only", help="with --all: these scenarios alone, by name")] = [],  # noqa: B006
 ) -> None:
-    """Run a scenario offline, on the same nodes, and compare the estimators with the truth."""
-    from .evaluate import run_evaluate
+    """Run scenarios offline, on the same nodes, and compare the estimators with the truth."""
+    from .evaluate import run_evaluate, run_evaluate_all
 
-    raise typer.Exit(run_evaluate(scenario, seed, runs, as_json, plot, record))
+    if everything:
+        if seed is not None or plot is not None or record is not None:
+            raise typer.BadParameter("--seed, --plot and --record are for one scenario", param_hint="--all")
+        raise typer.Exit(run_evaluate_all(scenario, runs, jobs, as_json, report, only))
+    if scenario is None or only:
+        raise typer.BadParameter("give one scenario file, or --all", param_hint="SCENARIO")
+    raise typer.Exit(run_evaluate(scenario, seed, runs, jobs, as_json, plot, record, report))
 
 
 @app.command()

@@ -15,7 +15,8 @@ from milepost.runtime.yaml_files import ConfigError, merged, validate
 from milepost.sensors.base import World
 from milepost.simulation.recording import RecordedFix, read_gnss_log
 
-from .scores import SCORES, Figure, Score
+from .scores import BASIC, SCORES, Figure, Score
+from .summary import OF_THE_RUN
 from .trace import Trace
 
 CREEP_AT_LEAST = 1e-4
@@ -69,6 +70,11 @@ class Plan:
     scenario: ScenarioFile
     seed: int
     cases: tuple[Case, ...]
+
+    @property
+    def more_is_better(self) -> set[str]:
+        """The keys of figures of which the least is the worst."""
+        return {asked.key for asked in self.cases[0].asked if asked.score.more_is_better}
 
     @property
     def work_s(self) -> float:
@@ -137,7 +143,10 @@ def _asked(path: Path, key: str, told: Mapping[str, Any], windows: Mapping[str, 
 
 def _check_claims(path: Path, scenario: ScenarioFile) -> None:
     names = {*scenario.compare, *scenario.estimators, *(f"{unit}_only" for unit in scenario.alone)}
+    keys = {*BASIC, *scenario.scores, *OF_THE_RUN}
     for number, claim in enumerate(scenario.claims):
+        if claim.key.partition(".")[0] not in keys:
+            raise ConfigError(path, f"claims.{number}.key", f"{claim.key} is neither a basic figure nor among the scores")
         if claim.variant is not None and claim.variant not in scenario.variants:
             raise ConfigError(path, f"claims.{number}.variant", f"{claim.variant} is not among the variants")
         for field in ("ours", "method", "optimum", "over"):

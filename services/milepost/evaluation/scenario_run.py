@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -23,26 +24,33 @@ Show = Callable[[float], None]
 Traces = dict[str, Trace]
 
 
+@dataclass(frozen=True)
+class Run:
+    """A scenario on one seed: its figures, what was heard of its own train, every case's and estimator's trace."""
+
+    result: dict[str, Any]
+    heard: Heard
+    traces: dict[str, Traces]
+
+
 def evaluate_once(path: Path, seed: int | None, also: Tap | None, show: Show) -> tuple[dict[str, Any], Heard, Traces]:
-    """One seed: the figures, what was heard of the scenario's own train, and every estimator's trace. Raises ConfigError."""
-    return run_plan(make_plan(path, seed), also, show)
+    """One seed: the figures, what was heard of the scenario's own train, its estimators' traces. Raises ConfigError."""
+    run = run_plan(make_plan(path, seed), also, show)
+    return run.result, run.heard, run.traces[""]
 
 
-def run_plan(plan: Plan, also: Tap | None, show: Show) -> tuple[dict[str, Any], Heard, Traces]:
+def run_plan(plan: Plan, also: Tap | None, show: Show) -> Run:
     """All cases of a plan, one after another; `show` is told the seconds of scenario time done."""
     scenario = plan.scenario
     result: dict[str, Any] = {"scenario": scenario.scenario, "seed": plan.seed, "duration_s": scenario.duration_s}
-    done, first = 0.0, None
-    for case in plan.cases:
-        figures, heard, traces = _run_case(plan, case, also if first is None else None, _from(show, done))
+    figures, own, traces = _run_case(plan, plan.cases[0], also, show)
+    result |= figures
+    kept, done = {"": traces}, plan.cases[0].runs * scenario.duration_s
+    for case in plan.cases[1:]:
+        figures, _, kept[case.name] = _run_case(plan, case, None, _from(show, done))
+        result.setdefault("variants", {})[case.name] = figures
         done += case.runs * scenario.duration_s
-        if first is None:
-            first = heard, traces
-            result |= figures
-        else:
-            result.setdefault("variants", {})[case.name] = figures
-    assert first is not None
-    return result, *first
+    return Run(result, own, kept)
 
 
 def _run_case(plan: Plan, case: Case, also: Tap | None, show: Show) -> tuple[dict[str, Any], Heard, Traces]:

@@ -20,6 +20,7 @@ from .trace import Array, Trace
 
 Figure = float | list[float] | dict[str, float]
 MPS_TO_KMH = 3.6
+BASIC = ("position_rms_m", "position_max_m", "position_final_m", "speed_rms_mps", "speed_max_mps", "nees_mean")
 
 
 class NoOptions(BaseModel):
@@ -66,14 +67,9 @@ def basic(trace: Trace, speed_after_s: float) -> dict[str, float]:
     """
     late = trace.t_s >= speed_after_s
     speed = trace.errors[late, 1] if late.any() else trace.errors[:, 1]
-    return {
-        "position_rms_m": _rms(trace.errors[:, 0]),
-        "position_max_m": float(np.abs(trace.errors[:, 0]).max()),
-        "position_final_m": float(abs(trace.errors[-1, 0])),
-        "speed_rms_mps": _rms(speed),
-        "speed_max_mps": float(np.abs(speed).max()),
-        "nees_mean": nees_mean(trace),
-    }
+    position = np.abs(trace.errors[:, 0])
+    figures = (_rms(position), position.max(), position[-1], _rms(speed), np.abs(speed).max(), nees_mean(trace))
+    return {key: float(figure) for key, figure in zip(BASIC, figures, strict=True)}
 
 
 def nees_mean(trace: Trace) -> float:

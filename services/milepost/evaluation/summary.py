@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-WORST_ALONE = (
+OF_THE_RUN = (
     "fused_over_centralised",
     "fused_minus_centralised_max_sigma",
     "withheld_fixes",
@@ -34,7 +34,7 @@ def _condition(results: Sequence[dict[str, Any]], more_is_better: set[str] | fro
         values = {key: [r["estimators"][name][key] for r in results if key in r["estimators"][name]] for key in figures}
         estimators[name] = {key: over(v, _median) for key, v in values.items()}
         estimators[name]["worst"] = {key: over(v, min if key in more_is_better else max) for key, v in values.items()}
-    alone = {key: max(r[key] for r in results) for key in WORST_ALONE if key in results[0]}
+    alone = {key: max(r[key] for r in results) for key in OF_THE_RUN if key in results[0]}
     return {"estimators": estimators, **alone}
 
 

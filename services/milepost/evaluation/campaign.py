@@ -1,0 +1,100 @@
+"""Many scenarios on many seeds."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from milepost.runtime.scenario_file import ScenarioFile
+from milepost.runtime.yaml_files import ConfigError, read_yaml, validate
+
+from .claims import Row, judge
+from .plan import Plan, make_plan
+from .pool import Outcome, Task, run_tasks
+from .scenario_run import Show, Traces
+from .summary import summary
+
+
+@dataclass(frozen=True)
+class Skipped:
+    """A scenario that cannot be run here, and why."""
+
+    scenario: str
+    reason: str
+
+
+@dataclass(frozen=True)
+class Evaluated:
+    """A scenario's results on all its seeds, its claims judged, and the traces of the first seed where they were kept."""
+
+    plan: Plan
+    results: list[dict[str, Any]]
+    rows: list[Row]
+    traces: dict[str, Traces] | None
+
+    @property
+    def scenario(self) -> ScenarioFile:
+        """What the file says."""
+        return self.plan.scenario
+
+    @property
+    def figures(self) -> dict[str, Any]:
+        """Medians and worst over the seeds."""
+        return summary(self.results, self.plan.more_is_better)
+
+
+def find(folder: Path, only: Sequence[str]) -> tuple[list[Plan], list[Skipped]]:
+    """All scenarios of a folder, loaded and checked; `only` those so named. Raises ConfigError for any that is wrong."""
+    plans: list[Plan] = []
+    skipped: list[Skipped] = []
+    paths = sorted(folder.glob("*.yaml"))
+    if not paths:
+        raise ConfigError(folder, "", "has no scenario files (*.yaml)")
+    for path in paths:
+        scenario = validate(path, read_yaml(path), ScenarioFile)
+        if only and scenario.scenario not in only and path.stem not in only:
+            continue
+        absent = next((needed for needed in scenario.needs if not needed.exists()), None)
+        if absent is not None:
+            skipped.append(Skipped(scenario.scenario, f"{absent} is not here"))
+        else:
+            plans.append(make_plan(path))
+    known = {plan.path.stem for plan in plans} | {plan.scenario.scenario for plan in plans} | {s.scenario for s in skipped}
+    for name in only:
+        if name not in known:
+            raise ConfigError(folder, "--only", f"no scenario is called {name}")
+    return plans, skipped
+
+
+def tasks_of(plan: Plan, runs: int, keep: bool, record: Path | None = None) -> list[Task]:
+    """A task for each seed; traces and recording are of the first."""
+    count = min(runs, plan.scenario.seeds or runs)
+    return [
+        Task(plan.path, plan.seed + run, plan.work_s, keep and run == 0, record if run == 0 else None) for run in range(count)
+    ]
+
+
+def evaluate(
+    plans: Sequence[Plan], runs: int, jobs: int, keep: bool, show: Show, record: Path | None = None
+) -> list[Evaluated]:
+    """Every plan on so many seeds, all of them sharing the processes. Raises ConfigError for a claim without its figure."""
+    tasks = [tasks_of(plan, runs, keep, record) for plan in plans]
+    outcomes = iter(run_tasks([task for group in tasks for task in group], jobs, show))
+    return [_evaluated(plan, [next(outcomes) for _ in group]) for plan, group in zip(plans, tasks, strict=True)]
+
+
+def _evaluated(plan: Plan, outcomes: list[Outcome]) -> Evaluated:
+    results = [outcome.result for outcome in outcomes]
+    return Evaluated(plan, results, judge(plan.scenario, results), outcomes[0].traces)
+
+
+def as_fields(done: Sequence[Evaluated], skipped: Sequence[Skipped]) -> dict[str, Any]:
+    """All results as one JSON object: figures and judged claims by scenario, and what was skipped."""
+    return {
+        "scenarios": {
+            each.scenario.scenario: {**each.figures, "claims": [row.as_dict() for row in each.rows]} for each in done
+        },
+        "skipped": {each.scenario: each.reason for each in skipped},
+    }

@@ -1,0 +1,100 @@
+"""What sources claim, held against what came out: a row for each claim, with the witness beside it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from milepost.runtime.scenario_file import ClaimFile, ScenarioFile
+from milepost.runtime.yaml_files import ConfigError
+
+
+@dataclass(frozen=True)
+class Spread:
+    """A figure over all seeds: their median and the worst of them."""
+
+    median: float
+    worst: float
+
+
+@dataclass(frozen=True)
+class Row:
+    """A claim judged: the figure by the source's method, by Milepost and by the optimum; absent where there is none."""
+
+    source: str
+    scenario: str
+    label: str
+    says: str
+    target: str
+    method: Spread | None
+    ours: Spread | None
+    optimum: Spread | None
+    met: bool
+    why: str
+
+    def as_dict(self) -> dict[str, Any]:
+        """The same, for JSON."""
+        return asdict(self)
+
+
+def judge(scenario: ScenarioFile, results: Sequence[dict[str, Any]]) -> list[Row]:
+    """Each claim of a scenario against the figures of all its seeds. Raises ConfigError for a figure that nobody computed."""
+    return [_row(scenario, number, claim, results) for number, claim in enumerate(scenario.claims)]
+
+
+def _row(scenario: ScenarioFile, number: int, claim: ClaimFile, results: Sequence[dict[str, Any]]) -> Row:
+    ours = _spread(claim, claim.ours, results)
+    if ours is None:
+        raise ConfigError(scenario.scenario, f"claims.{number}.key", f"{claim.ours} has no figure {claim.key}")
+    held = ours.worst if claim.of == "worst" else ours.median
+    met = held <= claim.at_most if claim.at_most is not None else claim.at_least is not None and held >= claim.at_least
+    limit = f"≤ {claim.at_most:g}" if claim.at_most is not None else f"≥ {claim.at_least:g}"
+    label = claim.label or claim.key + (f" / {claim.over}" if claim.over else "")
+    return Row(
+        claim.source,
+        scenario.scenario + (f" ({claim.variant})" if claim.variant else ""),
+        label,
+        claim.says,
+        f"{limit} ({claim.of})",
+        _spread(claim, claim.method, results),
+        ours,
+        _spread(claim, claim.optimum, results),
+        met,
+        claim.why,
+    )
+
+
+def _spread(claim: ClaimFile, estimator: str | None, results: Sequence[dict[str, Any]]) -> Spread | None:
+    values = [_value(claim, estimator, result) for result in results]
+    numbers = [value for value in values if value is not None]
+    if len(numbers) < len(values):
+        return None
+    return Spread(float(np.median(numbers)), max(numbers) if claim.at_most is not None else min(numbers))
+
+
+def _value(claim: ClaimFile, estimator: str | None, result: dict[str, Any]) -> float | None:
+    condition = result["variants"][claim.variant] if claim.variant else result
+    if estimator is None:
+        return None
+    value = _figure(condition["estimators"].get(estimator), claim.key)
+    if value is None and estimator == claim.ours:
+        # such as `withheld_max_m`, which is of the whole run
+        value = _figure(condition, claim.key)
+    if value is None or claim.over is None:
+        return value
+    base = _figure(condition["estimators"].get(claim.over), claim.key)
+    return None if base is None else value / base
+
+
+def _figure(figures: Any, key: str) -> float | None:
+    """A figure by its name, the part after a dot being a place in a map or a list."""
+    name, _, place = key.partition(".")
+    value = figures.get(name) if isinstance(figures, dict) else None
+    if place and isinstance(value, dict):
+        value = value.get(place)
+    elif place and isinstance(value, list):
+        value = value[int(place)] if place.isdigit() and int(place) < len(value) else None
+    return float(value) if isinstance(value, (int, float)) else None

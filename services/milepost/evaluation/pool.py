@@ -1,0 +1,133 @@
+"""Many seeds of many scenarios on all cores; the results do not depend on how many cores there are."""
+
+from __future__ import annotations
+
+import multiprocessing
+import signal
+from collections.abc import Callable, Iterator, MutableSequence, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from threading import Event
+from typing import Any, TextIO
+
+from milepost.runtime.memory_bus import Tap
+from milepost.runtime.recording import write_line
+
+from .plan import make_plan
+from .scenario_run import Show, Traces, run_plan
+
+LOOK_EVERY_S = 0.2
+# what a picture needs; the figures are made from every epoch
+EPOCHS_OF_A_PICTURE = 3000
+
+
+@dataclass(frozen=True)
+class Task:
+    """A scenario on one seed. `keep` asks for traces, `record` for every message of its own train in a file."""
+
+    path: Path
+    seed: int
+    work_s: float
+    keep: bool = False
+    record: Path | None = None
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What came of a task: the figures and, where asked for, each case's traces, thinned out."""
+
+    task: Task
+    result: dict[str, Any]
+    traces: dict[str, Traces] | None
+
+
+class Cancelled(Exception):
+    """Somebody pressed Ctrl-C."""
+
+
+def run_tasks(tasks: Sequence[Task], jobs: int, show: Show) -> list[Outcome]:
+    """The outcomes, in the order of the tasks; `show` is told the seconds of scenario time done in all."""
+    if min(jobs, len(tasks)) <= 1:
+        out, done = [], 0.0
+        for task in tasks:
+            out.append(run_task(task, _from(show, done)))
+            done += task.work_s
+        return out
+    return _in_processes(tasks, min(jobs, len(tasks)), show)
+
+
+def run_task(task: Task, show: Show) -> Outcome:
+    """One task, here and now."""
+    plan = make_plan(task.path, task.seed)
+    with _writer(task.record) as also:
+        run = run_plan(plan, also, show)
+    return Outcome(task, run.result, {case: _thinned(traces) for case, traces in run.traces.items()} if task.keep else None)
+
+
+def _thinned(traces: Traces) -> Traces:
+    return {name: trace.within(slice(None, None, -(-len(trace.t_s) // EPOCHS_OF_A_PICTURE))) for name, trace in traces.items()}
+
+
+@contextmanager
+def _writer(path: Path | None) -> Iterator[Tap | None]:
+    if path is None:
+        yield None
+        return
+    with path.open("w", encoding="utf-8") as file:
+        yield _to(file)
+
+
+def _to(file: TextIO) -> Tap:
+    return lambda output, now_ns: write_line(file, output.message.train, output, now_ns)
+
+
+def _from(show: Show, done_s: float) -> Show:
+    return lambda t_s: show(done_s + t_s)
+
+
+def _in_processes(tasks: Sequence[Task], jobs: int, show: Show) -> list[Outcome]:
+    spawn = multiprocessing.get_context("spawn")
+    with _interrupt_ignored():
+        manager = spawn.Manager()
+    with manager, ProcessPoolExecutor(jobs, mp_context=spawn) as pool:
+        done_s, stop = manager.list([0.0] * len(tasks)), manager.Event()
+        with _interrupt_ignored():
+            futures = [pool.submit(_work, place, task, done_s, stop) for place, task in enumerate(tasks)]
+        try:
+            _watch(futures, lambda: show(sum(done_s)))
+        except BaseException:
+            # a worker looks at this each second of its scenario's time
+            stop.set()
+            pool.shutdown(wait=True, cancel_futures=True)
+            raise
+        return [future.result() for future in futures]
+
+
+def _watch(futures: Sequence[Future[Outcome]], look: Callable[[], None]) -> None:
+    left = set(futures)
+    while left:
+        finished, left = wait(left, LOOK_EVERY_S, FIRST_COMPLETED)
+        for future in finished:
+            future.result()
+        look()
+
+
+@contextmanager
+def _interrupt_ignored() -> Iterator[None]:
+    """What is started inside inherits it: Ctrl-C is for the process that a person started, which tells the others."""
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def _work(place: int, task: Task, done_s: MutableSequence[float], stop: Event) -> Outcome:
+    def show(t_s: float) -> None:
+        if stop.is_set():
+            raise Cancelled
+        done_s[place] = t_s
+
+    return run_task(task, show)

@@ -1,0 +1,124 @@
+"""The report: one page with every claim beside what came out, every scenario's figures and pictures, and all of it as JSON."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Mapping, Sequence
+from html import escape
+from pathlib import Path
+from string import Template
+from typing import Any
+
+from .campaign import Evaluated, Skipped, as_fields
+from .claims import Row
+from .plotting import Spans, draw_diameter, draw_errors, draw_shares
+from .scenario_run import Traces
+from .tables import HEADINGS, row_cells, shown
+
+PAGE = Path(__file__).with_name("report.html")
+# more lines than this in one picture and none can be told from another
+MOST_LINES = 6
+CODE = re.compile(r"`([^`]+)`")
+PICTURE = '<figure><img src="{file}" alt="{text}"><figcaption>{text}</figcaption></figure>'
+
+
+def write_report(folder: Path, done: Sequence[Evaluated], skipped: Sequence[Skipped]) -> None:
+    """`index.html`, `results.json` and the pictures, in a folder that is made where it is not there."""
+    folder.mkdir(parents=True, exist_ok=True)
+    sections = [_section(each, _pictures(folder, each)) for each in done]
+    rows = sorted((row for each in done for row in each.rows), key=lambda row: row.source)
+    page = Template(PAGE.read_text(encoding="utf-8")).substitute(
+        verdict=escape(_verdict(rows)),
+        claims=_claims(rows),
+        skipped="".join(f"<p>Skipped: {escape(each.scenario)}; {escape(each.reason)}</p>" for each in skipped),
+        sections="\n".join(sections),
+    )
+    (folder / "index.html").write_text(page, encoding="utf-8")
+    (folder / "results.json").write_text(json.dumps(as_fields(done, skipped), indent=1) + "\n", encoding="utf-8")
+
+
+def _verdict(rows: Sequence[Row]) -> str:
+    return f"{sum(row.met for row in rows)} of {len(rows)} targets met."
+
+
+def _claims(rows: Sequence[Row]) -> str:
+    lines = [_line(HEADINGS, "th")]
+    for row in rows:
+        lines.append(_line(row_cells(row), "td", "met" if row.met else "missed"))
+        if not row.met:
+            why = escape(row.why or "the scenario file does not say why")
+            lines.append(f'<tr class="why"><td></td><td colspan="{len(HEADINGS) - 1}">Not met: {why}</td></tr>')
+    return "\n".join(lines)
+
+
+def _line(cells: Sequence[str], tag: str, kind: str = "") -> str:
+    inside = "".join(f"<{tag}>{escape(cell)}</{tag}>" for cell in cells)
+    return f'<tr class="{kind}">{inside}</tr>' if kind else f"<tr>{inside}</tr>"
+
+
+def _section(each: Evaluated, pictures: Sequence[tuple[str, str]]) -> str:
+    figures, scenario = each.figures, each.scenario
+    parts = [f'<section id="{escape(scenario.scenario)}"><h2>{escape(scenario.scenario)}</h2>']
+    if scenario.about:
+        parts.append("<p>" + CODE.sub(r"<code>\1</code>", escape(scenario.about)) + "</p>")
+    parts.append(
+        f"<p>{scenario.duration_s:g} s on {figures['runs']} seed(s) from {figures['seed']}; the pictures are of the first.</p>"
+    )
+    parts.append(_figures("", figures))
+    parts += [_figures(name, variant) for name, variant in figures.get("variants", {}).items()]
+    parts += [PICTURE.format(file=file, text=escape(text)) for text, file in pictures]
+    return "\n".join([*parts, "</section>"])
+
+
+def _figures(name: str, condition: Mapping[str, Any]) -> str:
+    """A table of one condition: figures down, estimators across, medians with the worst in brackets."""
+    estimators = condition["estimators"]
+    keys = list(dict.fromkeys(key for figures in estimators.values() for key in figures if key != "worst"))
+    lines = [_line(["", *estimators], "th")]
+    for key in keys:
+        cells = [f"{shown(f[key])} ({shown(f['worst'][key])})" if key in f else "-" for f in estimators.values()]
+        lines.append(_line([key, *cells], "td"))
+    alone = [f"{key}: {value:.4g}" for key, value in condition.items() if key.startswith(("fused_", "withheld_"))]
+    heading = f"<h3>{escape(name)}</h3>" if name else ""
+    after = f"<p>{escape(', '.join(alone))}</p>" if alone else ""
+    return f'{heading}<div class="wide"><table class="figures">{"".join(lines)}</table></div>{after}'
+
+
+def _pictures(folder: Path, each: Evaluated) -> list[tuple[str, str]]:
+    """Draws what there is to be drawn; (text, file) of each."""
+    out: list[tuple[str, str]] = []
+    for case in each.plan.cases:
+        traces = (each.traces or {}).get(case.name)
+        if not traces:
+            continue
+        title = each.scenario.scenario + (f", {case.name}" if case.name else "")
+        stem = each.plan.path.stem + (f".{case.name}" if case.name else "")
+        ours = next((claim.ours for claim in each.scenario.claims if claim.ours in traces), next(iter(traces)))
+        chosen = _chosen(each, traces)
+        draw_errors(folder / f"{stem}.errors.png", title, chosen, ours, _shaded(each, case.name))
+        out.append((f"{title}: errors against the truth, and the published interval", f"{stem}.errors.png"))
+        shared = {name: trace for name, trace in chosen.items() if len(trace.shares) > 1}
+        if shared:
+            draw_shares(folder / f"{stem}.shares.png", title, shared)
+            out.append((f"{title}: shares of the units", f"{stem}.shares.png"))
+        wheels = [u for u in case.train.fused_units if case.train.sensors[u].kind == "odometer"]
+        scaled = {name: t for name, t in chosen.items() if any(f"{unit}.scale" in t.private for unit in wheels)}
+        if wheels and scaled:
+            draw_diameter(folder / f"{stem}.diameter.png", title, scaled, case.train, wheels)
+            out.append((f"{title}: wheel diameter, with 2 σ", f"{stem}.diameter.png"))
+    return out
+
+
+def _chosen(each: Evaluated, traces: Traces) -> Traces:
+    """Those that claims are about; where there are none, all, but not more than can be told apart."""
+    named = {name for claim in each.scenario.claims for name in (claim.ours, claim.method, claim.optimum, claim.over)}
+    chosen = {name: trace for name, trace in traces.items() if name in named} or traces
+    return dict(list(chosen.items())[:MOST_LINES])
+
+
+def _shaded(each: Evaluated, case: str) -> Spans:
+    windows = dict(each.scenario.windows)
+    if case:
+        windows |= each.scenario.variants[case].windows
+    return [(a, b) for spans in windows.values() if spans != "creep" for a, b in spans if b - a < each.scenario.duration_s]

@@ -1,0 +1,65 @@
+"""Evaluations as text: one scenario's estimators, and all claims beside what came out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from .claims import Row, Spread
+from .scores import BASIC
+
+HEADINGS = ("source", "scenario", "figure", "its claim", "its method here", "Milepost here", "optimum here", "target", "met")
+
+
+def estimator_table(result: dict[str, Any]) -> str:
+    """The basic figures of each estimator, a line each; then those of the whole run, then each variant's."""
+    lines = [f"{result['scenario']}: seed {result['seed']}, {result['duration_s']:g} s, {result.get('runs', 1)} run(s)"]
+    lines += _condition(result)
+    for name, variant in result.get("variants", {}).items():
+        lines += ["", f"{result['scenario']}, {name}", *_condition(variant)]
+    return "\n".join(lines)
+
+
+def _condition(result: dict[str, Any]) -> list[str]:
+    lines = [f"{'':14}" + "".join(f"{key:>18}" for key in BASIC)]
+    for name, figures in result["estimators"].items():
+        lines.append(f"{name:14}" + "".join(f"{figures[key]:18.5f}" for key in BASIC))
+    for name, figures in result["estimators"].items():
+        asked = {key: value for key, value in figures.items() if key not in (*BASIC, "worst")}
+        if asked:
+            lines.append(f"{name}: " + ", ".join(f"{key} {shown(value)}" for key, value in asked.items()))
+    alone = {key: value for key, value in result.items() if isinstance(value, (int, float))}
+    return lines + [f"{key}: {value:.9g}" for key, value in alone.items() if key not in ("seed", "duration_s", "runs")]
+
+
+def claims_table(rows: Sequence[Row]) -> str:
+    """A line for each claim, and the reason below those that are not met."""
+    cells = [HEADINGS, *(row_cells(row) for row in rows)]
+    widths = [max(len(row[i]) for row in cells) for i in range(len(HEADINGS))]
+    lines = ["  ".join(f"{cell:{width}}" for cell, width in zip(row, widths, strict=True)).rstrip() for row in cells]
+    out = [lines[0], "-" * len(lines[0])]
+    for row, line in zip(rows, lines[1:], strict=True):
+        out.append(line)
+        if not row.met:
+            out.append(f"    not met: {row.why or 'the scenario file does not say why'}")
+    return "\n".join(out)
+
+
+def row_cells(row: Row) -> tuple[str, ...]:
+    """A claim's row as text, in the order of the headings."""
+    spreads = [spread_shown(spread) for spread in (row.method, row.ours, row.optimum)]
+    return (row.source, row.scenario, row.label, row.says, *spreads, row.target, "yes" if row.met else "NO")
+
+
+def spread_shown(spread: Spread | None) -> str:
+    """The median, and the worst in brackets; a dash where there is no such figure."""
+    return "-" if spread is None else f"{spread.median:.3g} ({spread.worst:.3g})"
+
+
+def shown(value: Any) -> str:
+    """A figure, a map or a list of them."""
+    if isinstance(value, dict):
+        return " ".join(f"{key}: {shown(entry)}" for key, entry in value.items())
+    if isinstance(value, list):
+        return " ".join(shown(entry) for entry in value)
+    return f"{value:.3g}"
