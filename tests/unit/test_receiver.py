@@ -7,6 +7,7 @@ import os
 import select
 import socket
 import struct
+import sys
 from datetime import UTC, datetime
 from functools import reduce
 from itertools import pairwise
@@ -376,6 +377,7 @@ def test_a_time_that_goes_back_in_a_file_is_skipped(tmp_path: Path) -> None:
         {"protocol": "nmea", "file": "a", "tcp": "h:1"},
         {"protocol": "rtcm", "file": "a"},
         {"protocol": "nmea", "tcp": "nowhere"},
+        {"protocol": "nmea", "tcp": "here:65536"},
         {"protocol": "nmea", "serial": "/dev/ttyUSB0", "baud": 0},
         {"protocol": "nmea", "file": "a", "zero_at": "yesterday"},
     ],
@@ -440,6 +442,15 @@ def test_a_live_receiver_looks_every_10_milliseconds_and_tells_what_waits_at_onc
     assert source.next_s() == 100.0 + POLL_S
     assert [source.read().measured_s for _ in range(4)] == [NOON + k for k in range(4)]  # type: ignore[union-attr]
     assert source.next_s() == pytest.approx(100.0 + 2 * POLL_S)
+
+
+@pytest.mark.parametrize(("library", "protocol"), [("pynmeagps", "nmea"), ("pyubx2", "ubx"), ("serial", "nmea")])
+def test_a_library_that_is_missing_is_named_before_anything_is_opened(
+    monkeypatch: pytest.MonkeyPatch, library: str, protocol: str
+) -> None:
+    monkeypatch.setitem(sys.modules, library, None)
+    with pytest.raises(ValueError, match=rf"{library}.*milepost\[receivers\]"):
+        open_receiver(options(protocol=protocol, serial="/dev/null"), 0.0)
 
 
 def test_a_receiver_is_heard_on_a_serial_device() -> None:

@@ -65,7 +65,7 @@ def _sensor(train: Train, unit: str, setting: Setting) -> Node:
     sensor = train.sensors[unit]
     try:
         source = sensor.source(setting.world, setting.from_s)
-    except (ValueError, OSError, ImportError) as error:
+    except (ValueError, OSError) as error:
         raise ConfigError(train.path, f"units.{unit}", str(error)) from error
     return SensorNode(train.name, setting.instance, sensor, source, setting.start_ns)
 

@@ -19,6 +19,8 @@ from .ubx import UbxDecoder
 
 POLL_S = 0.01
 CHUNK = 4096
+# more than any receiver says in 10 ms; what is left waits for the next look
+CHUNKS_A_POLL = 4
 # polls from a lost connection to the next attempt
 RETRY_POLLS = 100
 DECODERS: dict[str, type[Decoder]] = {"nmea": NmeaDecoder, "ubx": UbxDecoder}
@@ -45,6 +47,8 @@ class ReceiverOptions(BaseModel):
             raise ValueError("give one of file, tcp and serial")
         if self.zero_at is not None:
             _utc_s(self.zero_at)
+        if self.tcp is not None and int(self.tcp.rpartition(":")[2]) > 65_535:
+            raise ValueError(f"tcp: {self.tcp} has no such port")
         return self
 
     @property
@@ -103,15 +107,17 @@ class SerialStream:
     """A serial device that is opened at the first read."""
 
     def __init__(self, device: str, baud: int) -> None:
+        # only trains with a serial receiver need it
+        import serial
+
+        self._open = serial.Serial
         self._device, self._baud = device, baud
         self._port: Any = None
 
     def read(self) -> bytes:
         """What has come since."""
         if self._port is None:
-            import serial
-
-            self._port = serial.Serial(self._device, self._baud, timeout=0)
+            self._port = self._open(self._device, self._baud, timeout=0)
         return bytes(self._port.read(CHUNK))
 
     def close(self) -> None:
@@ -150,8 +156,8 @@ class LiveReceiver:
             self._wait -= 1
             return
         try:
-            while data := self._stream.read():
-                self._fixes.extend(self._decoder.feed(data))
+            for _ in range(CHUNKS_A_POLL):
+                self._fixes.extend(self._decoder.feed(self._stream.read()))
         except OSError:
             self.skipped["disconnected"] = self.skipped.get("disconnected", 0) + 1
             self._stream.close()
@@ -202,9 +208,12 @@ def _utc_s(text: str) -> float:
 
 
 def open_receiver(options: ReceiverOptions, from_s: float) -> Source:
-    """The fixes of a receiver from `from_s` on. Raises ImportError where a library of the extra `receivers` is missing."""
-    decoder = DECODERS[options.protocol]()
-    if options.file is not None:
-        return ReplayedReceiver(options.file, decoder, _utc_s(options.zero_at) if options.zero_at else None, from_s)
-    stream = TcpStream(options.tcp) if options.tcp is not None else SerialStream(options.serial or "", options.baud)
+    """The fixes of a receiver from `from_s` on. Raises ValueError where a library of the extra `receivers` is missing."""
+    try:
+        decoder = DECODERS[options.protocol]()
+        if options.file is not None:
+            return ReplayedReceiver(options.file, decoder, _utc_s(options.zero_at) if options.zero_at else None, from_s)
+        stream = TcpStream(options.tcp) if options.tcp is not None else SerialStream(options.serial or "", options.baud)
+    except ImportError as error:
+        raise ValueError(f"{error}: a receiver needs the extra `receivers` (pip install 'milepost[receivers]')") from error
     return LiveReceiver(stream, decoder, from_s)
