@@ -157,7 +157,10 @@ class LiveReceiver:
             return
         try:
             for _ in range(CHUNKS_A_POLL):
-                self._fixes.extend(self._decoder.feed(self._stream.read()))
+                data = self._stream.read()
+                if not data:
+                    break
+                self._fixes.extend(self._decoder.feed(data))
         except OSError:
             self.skipped["disconnected"] = self.skipped.get("disconnected", 0) + 1
             self._stream.close()
