@@ -351,6 +351,13 @@ def test_bursts_of_what_calls_itself_rtk_prove_nothing_however_many() -> None:
     assert None not in judged(*run(10.0, 20.0, "propagated"), *bursts)
 
 
+def test_short_coasting_adds_up_unless_rtk_makes_up_for_it() -> None:
+    paid = [f for k in range(10) for f in (*run(8.0 * k, 8.0 * k + 4.0), *run(8.0 * k + 4.0, 8.0 * k + 8.0, "propagated"))]
+    assert judged(*paid).count(None) == 80
+    unpaid = [f for k in range(10) for f in (*run(6.0 * k, 6.0 * k + 2.0), *run(6.0 * k + 2.0, 6.0 * k + 6.0, "propagated"))]
+    assert judged(*unpaid).count(None) == 8
+
+
 def test_silence_is_not_coasting_but_interrupts_a_proof() -> None:
     assert judged(*run(0.0, 2.0), *run(60.0, 62.0)) == [None] * 8
     proof = judged(*run(0.0, 6.0, "propagated"), *run(6.0, 10.0), *run(13.0, 20.0))
@@ -416,7 +423,7 @@ def test_an_observer_tells_once_that_credit_is_lost_and_once_that_it_is_back() -
         solution = "propagated" if 5.0 <= t < 12.0 else "rtk_fixed"
         counts.append(len(observer.observe(fix(1000.0 + 20.0 * t, t, solution=solution), None)))
         told += [(t, notice.code) for notice in observer.notices()]
-    assert told == [(10.0, "gnss_not_trusted"), (18.0, "gnss_trusted_again")]
+    assert told == [(9.5, "gnss_not_trusted"), (18.0, "gnss_trusted_again")]
     assert counts == [1] * 10 + [0] * 26 + [1] * 24
 
 

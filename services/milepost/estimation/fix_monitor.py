@@ -43,8 +43,9 @@ class FixLimits:
     """Limits of the monitor.
 
     `cross_track_m`: a fix farther from the track than this, and than `sigmas` standard deviations, is not this train's.
-    `coasting_s`: after so long without a solution of its own a receiver is suspect; `proof_s`: until its fixes were sound
-    for so long without a break. `max_acceleration_mps2`: of any train. `course_deg`: between course and track.
+    `coasting_s`: after so long without a solution of its own, RTK in between taken off, a receiver is suspect; `proof_s`:
+    until its fixes were sound for so long without a break. `max_acceleration_mps2`: of any train. `course_deg`: between
+    course and track.
     `alone_above`, `least`: source C's satellite numbers: a stand-alone solution is good with more than the first, and none
     is with fewer than the second. `poor_factor`: on the standard deviation of a stand-alone solution with fewer.
     """
@@ -64,7 +65,7 @@ class FixMonitor:
     """A receiver's word for its solution is a claim: what calls itself RTK has to prove it after every long gap.
 
     Receivers that coast through a tunnel go on calling some fixes RTK-fixed while they drift hundreds of metres away,
-    smoothly and in runs of up to four seconds; true RTK comes back to stay. So after `coasting_s` of coasting, RTK counts
+    smoothly and in runs of up to four seconds; true RTK comes back to stay. So after `coasting_s` of coasting, in one piece or several, RTK counts
     only once it was sound for `proof_s` at a stretch. Sound: near the track, along it, and moving as a train can. A
     stand-alone solution claims little and proves nothing: it counts or not by its satellites and its distance from the
     track. Silence is not coasting. Times must increase; a fix that is not later than the last is judged by itself alone.
@@ -73,7 +74,8 @@ class FixMonitor:
 
     def __init__(self, limits: FixLimits, known: Mapping[str, float]) -> None:
         self._limits, self._known = limits, known
-        self._coasting_since_s: float | None = None
+        self._heard_s: float | None = None
+        self._debt_s = 0.0
         self._proof_since_s: float | None = None
         self._last: SeenFix | None = None
         self._last_speed: tuple[float, float] | None = None
@@ -81,22 +83,23 @@ class FixMonitor:
 
     def judge(self, fix: SeenFix) -> Verdict:
         """The verdict on the next fix."""
+        since_s = 0.0 if self._heard_s is None else min(max(fix.t_s - self._heard_s, 0.0), GAP_S)
+        self._heard_s = fix.t_s if self._heard_s is None else max(fix.t_s, self._heard_s)
         if fix.solution not in self._known:
-            self._coast(fix)
+            self._coast(since_s)
             return Verdict("solution")
         reason = self._unsound(fix)
         if self._last is None or fix.t_s > self._last.t_s:
-            reason = self._remember(fix, reason)
+            reason = self._remember(fix, reason, since_s)
         if reason is not None:
             return Verdict(reason)
         few = fix.solution == "single" and fix.satellites is not None and fix.satellites <= self._limits.alone_above
         return Verdict(None, self._limits.poor_factor if few else 1.0)
 
-    def _coast(self, fix: SeenFix) -> None:
+    def _coast(self, since_s: float) -> None:
         self._last, self._last_speed = None, None
-        if self._coasting_since_s is None:
-            self._coasting_since_s = fix.t_s
-        if fix.t_s - self._coasting_since_s >= self._limits.coasting_s:
+        self._debt_s += since_s
+        if self._debt_s >= self._limits.coasting_s:
             self._doubt()
 
     def _doubt(self) -> None:
@@ -115,9 +118,9 @@ class FixMonitor:
             return "off_course"
         return None
 
-    def _remember(self, fix: SeenFix, reason: str | None) -> str | None:
+    def _remember(self, fix: SeenFix, reason: str | None, since_s: float) -> str | None:
         """Bring what is remembered up to this fix; returns why it does not count after all."""
-        last, self._last, self._coasting_since_s = self._last, fix, None
+        last, self._last = self._last, fix
         whole = last is not None and fix.t_s - last.t_s <= GAP_S
         if fix.solution not in RTK:
             self._proof_since_s = None
@@ -128,11 +131,12 @@ class FixMonitor:
             self._doubt()
             return "jump"
         if not self.suspect:
+            self._debt_s = max(0.0, self._debt_s - since_s)
             return reason
         if reason is not None or not whole or self._proof_since_s is None:
             self._proof_since_s = fix.t_s if reason is None else None
         if reason is None and self._proof_since_s is not None and fix.t_s - self._proof_since_s >= self._limits.proof_s:
-            self.suspect = False
+            self.suspect, self._debt_s = False, 0.0
         return reason or ("unproven" if self.suspect else None)
 
     def _jumps(self, last: SeenFix, fix: SeenFix) -> bool:
