@@ -65,10 +65,11 @@ class FixMonitor:
     """A receiver's word for its solution is a claim: what calls itself RTK has to prove it after every long gap.
 
     Receivers that coast through a tunnel go on calling some fixes RTK-fixed while they drift hundreds of metres away,
-    smoothly and in runs of up to four seconds; true RTK comes back to stay. So after `coasting_s` of coasting, in one piece or several, RTK counts
-    only once it was sound for `proof_s` at a stretch. Sound: near the track, along it, and moving as a train can. A
-    stand-alone solution claims little and proves nothing: it counts or not by its satellites and its distance from the
-    track. Silence is not coasting. Times must increase; a fix that is not later than the last is judged by itself alone.
+    smoothly and in runs of up to four seconds; true RTK comes back to stay. So after `coasting_s` of coasting, in one piece
+    or several, RTK counts only once it was sound for `proof_s` at a stretch. Sound: near the track, along it, and moving as
+    a train can. A stand-alone solution claims little and proves nothing: it counts or not by its satellites and its
+    distance from the track. Silence is not coasting. Times must increase; a fix that is not later than the last is judged
+    by itself alone.
     Source: C, its satellite monitor, whose verdict is one of several here; the rest is ours, from recorded logs.
     """
 
