@@ -2,7 +2,7 @@
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
-TRAIN ?= deploy/trains/maglev.yaml
+TRAIN ?= deploy/trains/full.yaml
 UP ?=
 
 .PHONY: help up test lint bench compose-test schema clean

@@ -22,6 +22,7 @@ from milepost.runtime.zenoh_config import client
 
 STEADY_S = 10.0
 WINDOW_S = 8.0
+MAGLEV, FULL = "deploy/trains/maglev.yaml", "deploy/trains/full.yaml"
 TRAIN = "maglev-1"
 
 
@@ -67,7 +68,7 @@ def measure_train(seconds: float) -> tuple[dict[str, float], float]:
         received[msgpack.unpackb(sample.payload.to_bytes())["measured_at_ns"]] = now
         first.set()
 
-    with processes(["-m", "milepost", "up", "--headless", "--listen", endpoint]) as (up,):
+    with processes(["-m", "milepost", "up", "--train", MAGLEV, "--headless", "--listen", endpoint]) as (up,):
         with zenoh.open(zenoh.Config.from_json5(json.dumps(client([endpoint])))) as session:
             kept = session.declare_subscriber(f"milepost/v1/{TRAIN}/state", state)
             if not first.wait(60.0):
@@ -80,6 +81,19 @@ def measure_train(seconds: float) -> tuple[dict[str, float], float]:
         latencies = [(received[at] - published[at]) / 1e6 for at in received if at in published and at >= begin]
         load = measure_load(up.pid) if seconds >= WINDOW_S else 0.0
     return summary(latencies), load
+
+
+def measure_full_load() -> float:
+    """Cores used by the train with everything, in steady state."""
+    endpoint = free_endpoint()
+    first = threading.Event()
+    with processes(["-m", "milepost", "up", "--train", FULL, "--headless", "--listen", endpoint]) as (up,):
+        with zenoh.open(zenoh.Config.from_json5(json.dumps(client([endpoint])))) as session:
+            kept = session.declare_subscriber("milepost/v1/*/state", lambda _: first.set())
+            if not first.wait(60.0):
+                raise RuntimeError("the train sent no state within a minute")
+            del kept
+        return measure_load(up.pid)
 
 
 def measure_load(pid: int) -> float:

@@ -26,7 +26,8 @@ pytestmark = pytest.mark.compose
 ROOT = Path(__file__).parents[2]
 COMPOSE_FILE = ROOT / "compose.yaml"
 SERVICES = sorted(yaml.safe_load(COMPOSE_FILE.read_text(encoding="utf-8"))["services"])
-TRAIN = "milepost/v1/maglev-1"
+TRAIN = "milepost/v1/full-1"
+UNITS = {"odometer-front", "odometer-rear", "radar-front", "radar-rear", "loop", "imu", "gnss"}
 EPOCH_NS = 20_000_000
 # without a token's word, a unit's silence is noticed after one second
 SILENCE_S = 1.0
@@ -230,7 +231,7 @@ def units(state: State, name: str) -> list[str]:
 
 
 def is_whole(state: State) -> bool:
-    return state["status"] == "normal" and not state["excluded"] and set(units(state, "sensors")) == {"radar", "loop"}
+    return state["status"] == "normal" and not state["excluded"] and set(units(state, "sensors")) == UNITS
 
 
 def check_against_truth(stack: Stack, heard: list[tuple[float, State]]) -> None:
@@ -244,7 +245,7 @@ def check_against_truth(stack: Stack, heard: list[tuple[float, State]]) -> None:
 
 def test_state_comes_at_50_hz_and_is_right(stack: Stack) -> None:
     listener = stack.listener
-    heard = listener.span(listener.wait_for_state(is_whole, 60.0, "a normal state with both sensors"), epochs=500)
+    heard = listener.span(listener.wait_for_state(is_whole, 60.0, "a normal state with all sensors"), epochs=500)
     first_at, last_at = heard[0][0], heard[-1][0]
     rate_hz = (len(heard) - 1) / (last_at - first_at)
     stack.figures["states a second"] = rate_hz
@@ -298,28 +299,30 @@ def test_a_killed_sensor_is_out_at_once_and_back_when_started(stack: Stack) -> N
     listener = stack.listener
     before = listener.wait_for_state(is_whole, 30.0, "a normal state to begin with")
     tokens = len(listener.tokens)
-    run(["docker", "kill", stack.container("sensor-radar")], 30.0)
-    listener.wait(lambda: any(not alive for _, _, alive in listener.tokens[tokens:]), 10.0, "the token of sensor-radar to go")
+    run(["docker", "kill", stack.container("sensor-radar-front")], 30.0)
+    listener.wait(
+        lambda: any(not alive for _, _, alive in listener.tokens[tokens:]), 10.0, "the token of sensor-radar-front to go"
+    )
     process, gone_at, _ = next(token for token in listener.tokens[tokens:] if not token[2])
-    assert process == "sensor-radar"
+    assert process == "sensor-radar-front"
 
-    out = listener.wait_for_state(lambda state: "radar" in units(state, "excluded"), 10.0, "radar excluded", before)
+    out = listener.wait_for_state(lambda state: "radar-front" in units(state, "excluded"), 10.0, "the radar excluded", before)
     out_at, state = listener.states[out]
     stack.figures["sensor out after its token ms"] = (out_at - gone_at) * 1e3
-    assert {"unit": "radar", "reason": "process gone"} in state["excluded"]
+    assert {"unit": "radar-front", "reason": "process gone"} in state["excluded"]
     assert out_at - gone_at < SILENCE_S / 2, "the token did not do it"
     heard = listener.span(out, epochs=100)
     for _, state in heard:
         assert state["status"] == "degraded"
-        assert units(state, "sensors") == ["loop"]
-        assert state["sensors"][0]["share"] == pytest.approx(1.0)
+        assert set(units(state, "sensors")) == UNITS - {"radar-front"}
+        assert sum(sensor["share"] for sensor in state["sensors"]) == pytest.approx(1.0)
     check_against_truth(stack, heard)
     received = [at for at, _ in listener.states[before : out + 1]]
     assert max(b - a for a, b in pairwise(received)) < SILENCE_S, "the state stopped meanwhile"
-    assert stack.inspect("sensor-radar")["State"]["Status"] == "exited", "`docker kill` is an order, not a crash"
+    assert stack.inspect("sensor-radar-front")["State"]["Status"] == "exited", "`docker kill` is an order, not a crash"
 
-    stack.call("start", "sensor-radar")
-    back = listener.wait_for_state(is_whole, 20.0, "radar in use again and a normal state")
+    stack.call("start", "sensor-radar-front")
+    back = listener.wait_for_state(is_whole, 20.0, "the radar in use again and a normal state")
     check_against_truth(stack, listener.span(back, epochs=50))
 
 
