@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from milepost.estimation.centralised import Reading, Row
-from milepost.estimation.layout import N_COMMON, Array
+import numpy as np
+
+from milepost.estimation.centralised import Reading
+from milepost.estimation.layout import N_COMMON, PLACES_OF_COMMON, Array, Layout
 from milepost.estimation.timeline import Observation
 from milepost.nodes.base import Output
 from milepost.nodes.observations import POSITION, of_fix, of_reading
 from milepost.runtime.config import Train
 from milepost.runtime.memory_bus import Tap
-from milepost.sensors.base import Belief
+from milepost.sensors.base import Belief, Observer
 from milepost_schemas import AbsoluteFix, Feedback, FusedState, Message, Truth
 
 
@@ -61,17 +63,21 @@ class Heard:
     def readings(self, unit: str | None = None) -> list[Reading]:
         """Readings and fixes for a centralised pass, seen by observers of its own; of one unit, or of all."""
         observers = {name: sensor.observer() for name, sensor in self.train.sensors.items()}
-        out = []
-        for order, message in self.said:
-            if isinstance(message, AbsoluteFix):
-                o = of_fix(message, order)
-                reading = Reading(*o[:4], message.reader, _always((POSITION, o.value, o.variance)))
-            else:
-                head = (message.measured_at_ns, order, message.sequence, message.instance)
-                reading = Reading(*head, message.unit, _seen_by(observers[message.unit], message))
-            if unit is None or reading.unit == unit:
-                out.append(reading)
-        return out
+        return [
+            _reading(order, message, observers)
+            for order, message in self.said
+            if unit is None or unit == (message.reader if isinstance(message, AbsoluteFix) else message.unit)
+        ]
+
+    def begins_ns(self, mean: Array, covariance: Array, layout: Layout) -> int | None:
+        """The time of the earliest reading that says anything, given the prior over all states: there the prior sits."""
+        observers = {name: sensor.observer() for name, sensor in self.train.sensors.items()}
+        for order, message in sorted(self.said, key=lambda said: (said[1].measured_at_ns, said[0], said[1].sequence)):
+            reading = _reading(order, message, observers)
+            own = list(layout.indices.get(reading.unit, PLACES_OF_COMMON))
+            if tuple(reading.observe(mean[own], covariance[np.ix_(own, own)])):
+                return reading.measured_at_ns
+        return None
 
     @property
     def observations(self) -> list[Observation]:
@@ -85,9 +91,11 @@ class Heard:
         return out
 
 
-def _always(row: Row) -> Callable[[Array, Array], list[Row]]:
-    return lambda mean, covariance: [row]  # noqa: ARG005
-
-
-def _seen_by(observer: Any, message: Message) -> Callable[[Array, Array], Any]:
-    return lambda mean, covariance: observer.observe(message, Belief(mean, covariance))
+def _reading(order: int, message: Any, observers: Mapping[str, Observer]) -> Reading:
+    if isinstance(message, AbsoluteFix):
+        o = of_fix(message, order)
+        rows = [(POSITION, o.value, o.variance)]
+        return Reading(*o[:4], message.reader, lambda mean, covariance: rows)  # noqa: ARG005
+    observe = observers[message.unit].observe
+    head = (message.measured_at_ns, order, message.sequence, message.instance)
+    return Reading(*head, message.unit, lambda mean, covariance: observe(message, Belief(mean, covariance)))

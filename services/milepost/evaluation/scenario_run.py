@@ -7,10 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from milepost.estimation.centralised import centralised
-from milepost.runtime.config import Train
+from milepost.runtime.collector import rare_collection
 from milepost.runtime.memory_bus import Tap
 from milepost.runtime.offline import OFFLINE_START_NS, simulate
 from milepost.runtime.roles import full_layout, prior
@@ -102,25 +100,13 @@ def _of_run(heard: Heard, settled: bool) -> Trace:
 
 def _centralised(heard: Heard, unit: str | None) -> Trace:
     train = heard.train
-    layout = full_layout(train) if unit is None else full_layout(train).only([unit])
-    results = centralised(
-        heard.readings(unit),
-        sorted(heard.truth),
-        layout,
-        train.file.motion_model.jerk_psd_m2ps5,
-        prior(train),
-        _begins_ns(heard, train),
-    )
-    beliefs = {at: (mean, covariance) for at, mean, covariance in results}
-    return trace_of_beliefs(beliefs, heard.truth, OFFLINE_START_NS, layout.names)
-
-
-def _begins_ns(heard: Heard, train: Train) -> int | None:
-    """The time of the earliest reading that says anything: there the prior sits."""
-    layout = full_layout(train)
-    mean, covariance = layout.prior(prior(train).mean, prior(train).std)
-    for reading in sorted(heard.readings(), key=lambda reading: reading[:4]):
-        own = list(layout.indices.get(reading.unit, (0, 1, 2)))
-        if tuple(reading.observe(mean[own], covariance[np.ix_(own, own)])):
-            return reading.measured_at_ns
-    return None
+    everything = full_layout(train)
+    layout = everything if unit is None else everything.only([unit])
+    said = prior(train)
+    begins_ns = heard.begins_ns(*everything.prior(said.mean, said.std), everything)
+    with rare_collection():
+        results = centralised(
+            heard.readings(unit), list(heard.truth), layout, train.file.motion_model.jerk_psd_m2ps5, said, begins_ns
+        )
+        beliefs = {at: (mean, covariance) for at, mean, covariance in results}
+        return trace_of_beliefs(beliefs, heard.truth, OFFLINE_START_NS, layout.names)

@@ -1,0 +1,76 @@
+"""Claims judged on figures made by hand."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from milepost.evaluation.claims import Row, Spread, judge
+from milepost.evaluation.tables import claims_table
+from milepost.runtime.scenario_file import ScenarioFile
+from milepost.runtime.yaml_files import ConfigError
+
+CLAIM = {"key": "position_max_m", "source": "B", "says": "< 10 m", "at_most": 2.0}
+
+
+def scenario(*claims: dict[str, Any]) -> ScenarioFile:
+    return ScenarioFile.model_validate({"scenario": "s", "train": "t.yaml", "duration_s": 1.0, "claims": list(claims)})
+
+
+def seed(ours: float, method: float = 8.0, optimum: float = 1.0) -> dict[str, Any]:
+    figures = {"fused": ours, "federated": method, "centralised": optimum}
+    estimators = {name: {"position_max_m": value, "refresh_hz": value, "map": {"30": value}} for name, value in figures.items()}
+    return {"estimators": estimators, "withheld_max_m": ours, "variants": {"v": {"estimators": estimators}}}
+
+
+def judged(claim: dict[str, Any], *seeds: dict[str, Any]) -> Row:
+    return judge(scenario(claim), seeds)[0]
+
+
+def test_a_row_has_the_sources_method_ours_and_the_optimum():
+    row = judged(CLAIM, seed(1.0, 7.0), seed(2.0, 9.0, 3.0), seed(1.5))
+    assert (row.ours, row.method, row.optimum) == (Spread(1.5, 2.0), Spread(8.0, 9.0), Spread(1.0, 3.0))
+    assert row.met
+
+
+@pytest.mark.parametrize(
+    ("changed", "met"),
+    [
+        ({}, True),  # median 1.5
+        ({"of": "worst"}, False),  # worst 4
+        ({"at_most": 1.4}, False),
+        ({"at_most": 0.2, "over": "federated"}, True),  # 1.5/8
+        ({"at_most": 0.2, "over": "federated", "of": "worst"}, False),  # 4/8
+        ({"key": "map.30"}, True),
+        ({"key": "map.30", "variant": "v", "of": "worst"}, False),
+        ({"key": "withheld_max_m", "method": None, "optimum": None}, True),
+    ],
+)
+def test_a_target_is_held_against_the_median_or_the_worst(changed, met):
+    assert judged({**CLAIM, **changed}, seed(1.0), seed(4.0), seed(1.5)).met is met
+
+
+def test_where_more_is_better_the_worst_is_the_least():
+    claim = {"key": "refresh_hz", "source": "B", "says": "50 Hz", "at_least": 50.0, "of": "worst"}
+    row = judged(claim, seed(51.0), seed(49.0), seed(52.0))
+    assert row.ours == Spread(51.0, 49.0)
+    assert not row.met
+
+
+def test_an_estimator_that_was_not_run_leaves_its_column_empty():
+    assert judged({**CLAIM, "method": "plain"}, seed(1.0)).method is None
+
+
+def test_a_figure_that_nobody_computed_is_refused():
+    with pytest.raises(ConfigError, match=r"claims\.0\.key"):
+        judged({**CLAIM, "key": "map.40"}, seed(1.0))
+
+
+def test_the_printed_table_says_why_a_target_is_not_met():
+    table = claims_table([judged({**CLAIM, "at_most": 0.5, "why": "Nobody can."}, seed(1.0)), judged(CLAIM, seed(1.0))])
+    lines = table.splitlines()
+    assert lines[2].split()[-1] == "NO"
+    assert lines[3].strip() == "not met: Nobody can."
+    assert lines[4].split()[-1] == "yes"
+    assert len(lines) == 5
