@@ -11,9 +11,8 @@ import yaml
 from harness import PERIOD_NS, ROOT, at
 
 from milepost.evaluation.heard import Heard
-from milepost.evaluation.plan import withheld_fixes
 from milepost.evaluation.scenario_run import evaluate_once
-from milepost.evaluation.scores import score_withheld
+from milepost.evaluation.withheld import score_withheld, withheld_fixes
 from milepost.runtime.config import load_scenario
 from milepost.runtime.offline import OFFLINE_START_NS, simulate
 from milepost.runtime.scenario_file import ScenarioFile

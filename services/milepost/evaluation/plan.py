@@ -13,11 +13,12 @@ from milepost.runtime.config import Train, load_scenario, load_train
 from milepost.runtime.scenario_file import Builtin, ScenarioFile, VariantFile, Window
 from milepost.runtime.yaml_files import ConfigError, merged, validate
 from milepost.sensors.base import World
-from milepost.simulation.recording import RecordedFix, read_gnss_log
+from milepost.simulation.recording import RecordedFix
 
 from .scores import BASIC, SCORES, Figure, Score
 from .summary import OF_THE_RUN
 from .trace import Trace
+from .withheld import withheld_fixes
 
 CREEP_AT_LEAST = 1e-4
 
@@ -154,24 +155,6 @@ def _check_claims(path: Path, scenario: ScenarioFile) -> None:
             # federated and centralised are defaults: a scenario without them has no such column
             if name is not None and name not in names and field in claim.model_fields_set:
                 raise ConfigError(path, f"claims.{number}.{field}", f"{name} is not among the estimators compared")
-
-
-def withheld_fixes(path: Path, scenario: ScenarioFile, train: Train) -> list[RecordedFix]:
-    """The RTK fixes of the withheld span. Raises ConfigError where the filters would see them, or there is none to see."""
-    withheld = scenario.withheld
-    assert withheld is not None
-    options: Any = train.sensors[withheld.unit].options if withheld.unit in train.sensors else None
-    if getattr(options, "recording", None) is None:
-        raise ConfigError(path, "withheld.unit", f"{withheld.unit} has no recording")
-    if not any(a <= withheld.from_s and withheld.to_s <= b for a, b in options.withhold_s):
-        raise ConfigError(path, "withheld", f"units.{withheld.unit}.withhold_s does not cover it")
-    if withheld.to_s > scenario.duration_s:
-        raise ConfigError(path, "withheld.to_s", f"the run ends before, after {scenario.duration_s:g} s")
-    recorded = read_gnss_log(options.recording.file)
-    fixes = [fix for fix in recorded if withheld.from_s <= fix.t_s < withheld.to_s and fix.solution == "rtk_fixed"]
-    if not fixes:
-        raise ConfigError(path, "withheld", f"{withheld.unit} has no RTK fix in it")
-    return fixes
 
 
 def epochs_within(window: Window, trace: Trace, train: Train, world: World | None) -> Any:

@@ -15,8 +15,9 @@ from milepost.runtime.roles import full_layout, prior
 
 from .heard import Heard
 from .plan import Case, Plan, make_plan
-from .scores import basic, score_withheld
+from .scores import basic
 from .trace import Trace, largest_difference_in_sigmas, trace_of_beliefs, trace_of_states
+from .withheld import score_withheld
 
 Show = Callable[[float], None]
 Traces = dict[str, Trace]

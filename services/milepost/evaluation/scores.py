@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Annotated, Any
 
 import numpy as np
 from pydantic import BaseModel, Field
 
-from milepost.estimation.track import Line
 from milepost.runtime.config import Train
 from milepost.runtime.lines import STRICT
 from milepost.sensors.base import Span
-from milepost.simulation.recording import RecordedFix
-from milepost_schemas import FusedState
 
 from .trace import Array, Trace
 
@@ -143,24 +140,6 @@ def private_at_end(trace: Trace, train: Train, options: StatesOptions) -> list[f
     if not all(name in trace.private for name in options.states):
         return None
     return [float(trace.private[name][-1]) for name in options.states]
-
-
-def score_withheld(
-    states: Mapping[int, FusedState], fixes: Sequence[RecordedFix], line: Line, start_ns: int, period_ns: int
-) -> dict[str, float | int]:
-    """Withheld fixes against the state: the epoch before each, carried to its time by its own speed and acceleration."""
-    if line.track is None:
-        raise ValueError("withheld fixes need a line with geometry")
-    worst, outside = 0.0, 0
-    for fix in fixes:
-        at = start_ns + round(fix.t_s * 1e9)
-        state = states[at // period_ns * period_ns]
-        t = (at - state.measured_at_ns) * 1e-9
-        moved = t * (state.speed_mps + 0.5 * t * state.acceleration_mps2)
-        position = line.track.project(fix.latitude_deg, fix.longitude_deg).position_m
-        worst = max(worst, abs(state.position_m + moved - position))
-        outside += not state.position_min_m <= position - moved <= state.position_max_m
-    return {"withheld_fixes": len(fixes), "withheld_max_m": worst, "withheld_outside_interval": outside}
 
 
 def _rms(values: Array) -> float:
