@@ -75,6 +75,7 @@ class LearnedError:
         self._psi = 0.0
         self._psi_s = 0.0
         self._window: _Window | None = None
+        self._fitted = (0.0, self._variance())
 
     @property
     def weights(self) -> Array:
@@ -111,6 +112,11 @@ class LearnedError:
         phi = self.regressors()
         self.information = forget * self.information + (1.0 - forget) * np.eye(3) + np.outer(phi, phi) / variance
         self._eta = forget * self._eta + phi * (y / variance)
+        self._fitted = (float(phi @ self.weights), self._variance())
+
+    def _variance(self) -> float:
+        phi = self.regressors()
+        return float(phi @ np.linalg.solve(self.information, phi))
 
     def pause(self) -> None:
         """The fused state is not to be trusted: the sample in the making is dropped, what was learned stays."""
@@ -118,10 +124,9 @@ class LearnedError:
 
     def correction(self, t_s: float) -> tuple[float, float]:
         """ε̂ = φᵀ w as learned last, and its variance at a time: φᵀ Λ⁻¹ φ + σ² (t - t_learned), at most δ² more."""
-        phi = self.regressors()
         age = max(0.0, t_s - self._learned_s)
         wander = min(self.model.walk_std**2 * age, self.model.bias_std**2)
-        return float(phi @ self.weights), float(phi @ np.linalg.solve(self.information, phi)) + wander
+        return self._fitted[0], self._fitted[1] + wander
 
 
 def worth(error_variance: float, position_variance: float, speed_variance: float, dt_s: float, longest_s: float) -> float:

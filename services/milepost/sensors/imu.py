@@ -9,10 +9,12 @@ from typing import Annotated
 from pydantic import Field
 
 from milepost.estimation.layout import PrivateState
+from milepost.estimation.learned_error import ErrorModel
 from milepost.simulation.noise import MarkovNoise, WhiteNoise
 from milepost_schemas import InertialReading
 
-from .base import Belief, Measured, Observed, PeriodicSource, Sensor, SensorOptions, Source, World
+from .base import Belief, Measured, Observed, Observer, PeriodicSource, Sensor, SensorOptions, Source, World
+from .imu_learning import LearningUnit, LearnOptions
 
 GRAVITY_MPS2 = 9.80665
 AXES = ("forward", "right", "down")
@@ -26,7 +28,8 @@ class ImuOptions(SensorOptions):
     `noise_density_mps2_rthz`, `turn_noise_density_radps_rthz`: of one axis. `bias_std_mps2`, `turn_bias_std_radps`: of a
     first-order Markov bias with `bias_time_constant_s`; `bias_std_mps2: 0` makes a unit without a bias and without that
     private state. `pitch_rad_per_mps2`: how far the body's nose rises under acceleration. `model_bias: false` keeps the
-    simulated bias from the filter, as sources without a bias state have it.
+    simulated bias from the filter, as sources without a bias state have it. `learn`: the error is learned while the fused
+    state is good, and taken off (see `imu_learning`).
     """
 
     rate_hz: Annotated[float, Field(gt=0.0, le=400.0)] = 20.0
@@ -37,6 +40,7 @@ class ImuOptions(SensorOptions):
     turn_bias_std_radps: NonNegative = 3.49e-4
     pitch_rad_per_mps2: NonNegative = 0.0
     model_bias: bool = True
+    learn: LearnOptions | None = None
 
 
 class Imu(Sensor[ImuOptions]):
@@ -62,8 +66,8 @@ class Imu(Sensor[ImuOptions]):
 
     @property
     def needs_belief(self) -> bool:
-        """Where there is a gradient, it depends on the position."""
-        return bool(self.line.gradient)
+        """Where there is a gradient, it depends on the position; who learns an error learns it from the belief."""
+        return bool(self.line.gradient) or self.options.learn is not None
 
     @property
     def period_s(self) -> float:
@@ -80,6 +84,15 @@ class Imu(Sensor[ImuOptions]):
             R += 0.25 * (self._gravity(s + reach) - self._gravity(s - reach)) ** 2
         row = (0.0, 0.0, 1.0) + (1.0,) * len(self.private_states)
         return (Observed(row, reading.specific_force_mps2[0] - gravity, R),)
+
+    def observer(self) -> Observer:
+        """The unit itself, or one that learns."""
+        o = self.options
+        if o.learn is None:
+            return self
+        walk_std = o.bias_std_mps2 * math.sqrt(2.0 / o.bias_time_constant_s)
+        model = ErrorModel(o.bias_std_mps2, walk_std, o.noise_density_mps2_rthz, o.learn.window_s, o.learn.memory_s or 0.0)
+        return LearningUnit(self.observe, o.learn, model)
 
     def _gravity(self, position_m: float) -> float:
         slope = self.line.slope_at(position_m)
