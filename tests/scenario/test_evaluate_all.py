@@ -186,6 +186,17 @@ def test_an_interrupt_ends_all_processes_without_a_traceback(folder):
     assert not [child for child in children if child.is_running()]
 
 
+def test_a_mistake_that_a_worker_finds_is_still_one_line(tmp_path):
+    """That a train begins beyond its line's end shows only when it runs."""
+    change = {"world": {"motion": {"profile": [[0.0, 20.0]], "start_m": 1e6}}}
+    path = written(tmp_path, tiny={"scenario": "t", "train": str(MAGLEV), "duration_s": 1.0, "change": change}) / "tiny.yaml"
+    with pytest.raises(ConfigError) as here:
+        run_tasks([Task(path, 1, 2.0)], 1, lambda done_s: None)
+    with pytest.raises(ConfigError) as elsewhere:
+        run_tasks([Task(path, 1, 2.0), Task(path, 2, 2.0)], 2, lambda done_s: None)
+    assert str(elsewhere.value) == str(here.value)
+
+
 @pytest.mark.parametrize(
     ("fields", "said"),
     [

@@ -9,7 +9,6 @@ import pytest
 from milepost.evaluation.claims import Row, Spread, judge
 from milepost.evaluation.tables import claims_table
 from milepost.runtime.scenario_file import ScenarioFile
-from milepost.runtime.yaml_files import ConfigError
 
 CLAIM = {"key": "position_max_m", "source": "B", "says": "< 10 m", "at_most": 2.0}
 
@@ -62,9 +61,10 @@ def test_an_estimator_that_was_not_run_leaves_its_column_empty():
     assert judged({**CLAIM, "method": "plain"}, seed(1.0)).method is None
 
 
-def test_a_figure_that_nobody_computed_is_refused():
-    with pytest.raises(ConfigError, match=r"claims\.0\.key"):
-        judged({**CLAIM, "key": "map.40"}, seed(1.0))
+def test_a_figure_that_a_run_does_not_have_meets_nothing():
+    row = judged({**CLAIM, "key": "map.40"}, seed(1.0))
+    assert (row.met, row.ours) == (False, None)
+    assert row.why == "fused has no figure map.40 on every seed"
 
 
 def test_the_printed_table_says_why_a_target_is_not_met():

@@ -79,7 +79,7 @@ def tasks_of(plan: Plan, runs: int, keep: bool, record: Path | None = None) -> l
 def evaluate(
     plans: Sequence[Plan], runs: int, jobs: int, keep: bool, show: Show, record: Path | None = None
 ) -> list[Evaluated]:
-    """Every plan on so many seeds, all of them sharing the processes. Raises ConfigError for a claim without its figure."""
+    """Every plan on so many seeds, all of them sharing the processes."""
     tasks = [tasks_of(plan, runs, keep, record) for plan in plans]
     outcomes = iter(run_tasks([task for group in tasks for task in group], jobs, show))
     return [_evaluated(plan, [next(outcomes) for _ in group]) for plan, group in zip(plans, tasks, strict=True)]

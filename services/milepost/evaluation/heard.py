@@ -16,14 +16,15 @@ from milepost.nodes.observations import POSITION, of_fix, of_reading
 from milepost.runtime.config import Train
 from milepost.runtime.memory_bus import Tap
 from milepost.sensors.base import Belief, Observer
-from milepost_schemas import AbsoluteFix, Feedback, FusedState, Message, Truth
+from milepost_schemas import AbsoluteFix, Estimate, Feedback, FusedState, Message, Truth
 
 
 @dataclass
 class Heard:
     """What one offline run said: truth, readings and fixes, states, and the fused private states that went back.
 
-    `private`: epoch → (means, variances), in the order of the train's layout.
+    `private`: epoch → (means, variances), in the order of the train's layout. `counted`: unit → the times of the observations
+    that its filter sent to the fuser.
     """
 
     train: Train
@@ -33,6 +34,7 @@ class Heard:
     live: dict[int, FusedState] = field(default_factory=dict)
     settled: dict[int, FusedState] = field(default_factory=dict)
     private: dict[int, tuple[list[float], list[float]]] = field(default_factory=dict)
+    counted: dict[str, set[int]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self._orders = {unit: order for order, unit in enumerate(self.train.sensors)}
@@ -51,6 +53,8 @@ class Heard:
             if len(mean) > N_COMMON:
                 variances = [P[i][i] for i in range(N_COMMON, len(mean))]
                 self.private[message.measured_at_ns] = (list(mean[N_COMMON:]), variances)
+        elif isinstance(message, Estimate):
+            self.counted.setdefault(message.unit, set()).update(o.measured_at_ns for o in message.observations)
         elif isinstance(message, AbsoluteFix):
             self.said.append((self._orders[message.reader], message))
         elif output.stream.endswith("_reading"):

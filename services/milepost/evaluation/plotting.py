@@ -19,7 +19,7 @@ from milepost.runtime.config import Train
 from .scores import estimated_diameter_m, true_diameter_m
 from .trace import Trace
 
-Spans = Sequence[tuple[float, float]]
+Spans = Sequence[tuple[str, float, float]]
 SIZE = (10.0, 6.4)
 WITNESS = {"linestyle": "--", "color": "black", "linewidth": 0.9, "zorder": 5}
 OTHERS = ("#e07b00", "#8a4fbf", "#2a9d5c", "#c0392b", "#7a6a58", "#d45fa0")
@@ -45,9 +45,10 @@ def draw_errors(path: Path, title: str, traces: Mapping[str, Trace], ours: str =
     below.set_ylabel("speed error [m/s]")
     below.set_xlabel("time [s]")
     above.legend(ncols=3, fontsize="small", loc="upper left")
-    for axes in (above, below):
-        for a, b in shaded:
+    for name, a, b in shaded:
+        for axes in (above, below):
             axes.axvspan(a, b, color="#888888", alpha=0.15, linewidth=0)
+        below.annotate(name, (a, 0.02), xycoords=below.get_xaxis_transform(), fontsize="small", color="#555555")
     _finish(figure, (above, below), path, title)
 
 

@@ -14,7 +14,7 @@ from .campaign import Evaluated, Skipped, as_fields
 from .claims import Row
 from .plotting import Spans, draw_diameter, draw_errors, draw_shares
 from .scenario_run import Traces
-from .tables import HEADINGS, row_cells, shown
+from .tables import HEADINGS, row_cells, with_worst
 
 PAGE = Path(__file__).with_name("report.html")
 # more lines than this in one picture and none can be told from another
@@ -32,6 +32,9 @@ def write_report(folder: Path, done: Sequence[Evaluated], skipped: Sequence[Skip
         verdict=escape(_verdict(rows)),
         claims=_claims(rows),
         skipped="".join(f"<p>Skipped: {escape(each.scenario)}; {escape(each.reason)}</p>" for each in skipped),
+        contents=" · ".join(
+            f'<a href="#{escape(each.scenario.scenario)}">{escape(each.scenario.scenario)}</a>' for each in done
+        ),
         sections="\n".join(sections),
     )
     (folder / "index.html").write_text(page, encoding="utf-8")
@@ -77,7 +80,7 @@ def _figures(name: str, condition: Mapping[str, Any]) -> str:
     keys = list(dict.fromkeys(key for figures in estimators.values() for key in figures if key != "worst"))
     lines = [_line(["", *estimators], "th")]
     for key in keys:
-        cells = [f"{shown(f[key])} ({shown(f['worst'][key])})" if key in f else "-" for f in estimators.values()]
+        cells = [with_worst(f[key], f["worst"][key]) if key in f else "-" for f in estimators.values()]
         lines.append(_line([key, *cells], "td"))
     alone = [f"{key}: {value:.4g}" for key, value in condition.items() if key.startswith(("fused_", "withheld_"))]
     heading = f"<h3>{escape(name)}</h3>" if name else ""
@@ -121,4 +124,5 @@ def _shaded(each: Evaluated, case: str) -> Spans:
     windows = dict(each.scenario.windows)
     if case:
         windows |= each.scenario.variants[case].windows
-    return [(a, b) for spans in windows.values() if spans != "creep" for a, b in spans if b - a < each.scenario.duration_s]
+    spans = [(name, a, b) for name, window in windows.items() if window != "creep" for a, b in window]
+    return [(name, a, b) for name, a, b in spans if b - a < each.scenario.duration_s]

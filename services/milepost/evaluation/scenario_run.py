@@ -12,6 +12,7 @@ from milepost.runtime.collector import rare_collection
 from milepost.runtime.memory_bus import Tap
 from milepost.runtime.offline import OFFLINE_START_NS, simulate
 from milepost.runtime.roles import full_layout, prior
+from milepost.runtime.yaml_files import ConfigError
 
 from .heard import Heard
 from .plan import Case, Plan, make_plan
@@ -56,6 +57,8 @@ def _run_case(plan: Plan, case: Case, also: Tap | None, show: Show) -> tuple[dic
     duration_s = plan.scenario.duration_s
     heard = Heard(case.train, also)
     simulate(case.train, duration_s, heard.tap, heard.keep, show)
+    if heard.truth.keys().isdisjoint(heard.live):
+        raise ConfigError(plan.path, "duration_s", "the run ends before there is a state to be compared with the truth")
     traces: Traces = {}
     if "fused" in case.compare:
         traces["fused"] = _of_run(heard, settled=True)

@@ -13,6 +13,15 @@ from milepost.runtime.config import Train
 from milepost.runtime.lines import STRICT
 from milepost.sensors.base import Span
 
+from .recorded_scores import (
+    FixesOptions,
+    ReacquiredOptions,
+    UnitsOptions,
+    false_fixes_accepted,
+    reacquired_error_m,
+    reacquired_outside_interval,
+    recorded_scale,
+)
 from .trace import Array, Trace
 
 Figure = float | list[float] | dict[str, float]
@@ -142,6 +151,13 @@ def private_at_end(trace: Trace, train: Train, options: StatesOptions) -> list[f
     return [float(trace.private[name][-1]) for name in options.states]
 
 
+def private_std_at_end(trace: Trace, train: Train, options: StatesOptions) -> list[float] | None:  # noqa: ARG001
+    """What the estimator states of their errors there, as standard deviations."""
+    if not all(name in trace.private_std for name in options.states):
+        return None
+    return [float(trace.private_std[name][-1]) for name in options.states]
+
+
 def _rms(values: Array) -> float:
     return float(np.sqrt(np.mean(values**2)))
 
@@ -180,4 +196,9 @@ SCORES: dict[str, Score] = {
     "diameter_error_percent_at_m": Score(diameter_error_percent_at_m, UnitOptions),
     "gap_error_m": Score(gap_error_m, GapsOptions),
     "private_at_end": Score(private_at_end, StatesOptions),
+    "private_std_at_end": Score(private_std_at_end, StatesOptions),
+    "recorded_scale": Score(recorded_scale, UnitsOptions),
+    "reacquired_error_m": Score(reacquired_error_m, ReacquiredOptions),
+    "reacquired_outside_interval": Score(reacquired_outside_interval, ReacquiredOptions),
+    "false_fixes_accepted": Score(false_fixes_accepted, FixesOptions),
 }

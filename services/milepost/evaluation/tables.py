@@ -53,7 +53,12 @@ def row_cells(row: Row) -> tuple[str, ...]:
 
 def spread_shown(spread: Spread | None) -> str:
     """The median, and the worst in brackets; a dash where there is no such figure."""
-    return "-" if spread is None else f"{spread.median:.3g} ({spread.worst:.3g})"
+    return "-" if spread is None else with_worst(spread.median, spread.worst)
+
+
+def with_worst(median: Any, worst: Any) -> str:
+    """A figure, and the worst of it in brackets where that is another."""
+    return shown(median) if shown(median) == shown(worst) else f"{shown(median)} ({shown(worst)})"
 
 
 def shown(value: Any) -> str:

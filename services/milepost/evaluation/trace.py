@@ -21,7 +21,8 @@ class Trace:
     """K epochs that an estimator and the truth share.
 
     `t_s` (K) scenario time, `truth` and `errors` (K, 3) of [s, v, a], `covariance` (K, 3, 3). Where there are messages:
-    `bounds` (K, 4), the published position and speed intervals; `shares` by unit (K); `sent_s`, when live states were sent.
+    `bounds` (K, 4), the published position and speed intervals; `shares` by unit (K); `sent_s`, when live states were sent;
+    `counted` by unit, the times of the observations that reached the fuser, within any window or not.
     `private` and `private_std` (K), by `unit.state`.
     """
 
@@ -31,6 +32,7 @@ class Trace:
     covariance: Array
     bounds: Array | None = None
     sent_s: Array | None = None
+    counted: Mapping[str, Array] = field(default_factory=dict)
     shares: Mapping[str, Array] = field(default_factory=dict)
     private: Mapping[str, Array] = field(default_factory=dict)
     private_std: Mapping[str, Array] = field(default_factory=dict)
