@@ -36,8 +36,12 @@ with open_session(client([sys.argv[1]])) as session:
 """
 
 
+MAGLEV = "deploy/trains/maglev.yaml"
+
+
 def spawn(router: str, *arguments: str) -> subprocess.Popen:
-    return subprocess.Popen([sys.executable, "-m", "milepost", "run", *arguments, "--connect", router], stderr=subprocess.PIPE)
+    command = [sys.executable, "-m", "milepost", "run", *arguments, "--train", MAGLEV, "--connect", router]
+    return subprocess.Popen(command, stderr=subprocess.PIPE)
 
 
 def alive(outside: Outside, unit: str):
