@@ -277,6 +277,15 @@ def test_two_antennas_bridge_every_joint_and_no_reading_lacks_a_pitch(speed: flo
     assert np.diff(ends).max() < 4.5 * PITCH / speed + 0.02
 
 
+@pytest.mark.parametrize("from_s", [3.0, 7.777, 12.5])
+def test_a_restarted_loop_misses_what_it_would_have_missed(from_s: float) -> None:
+    """None of these times is within a second of a joint, from which an antenna that begins there would not know it comes."""
+    on, options = world(end_s=20.0, jerk_psd=1e-6), {"missed_probability": 0.01, "joint_every_m": 110.0, "antennas": 2}
+    whole, late = readings(opened(on, **options)), readings(opened(on, from_s, **options))
+    assert late[0].measured_s < from_s + 0.05
+    assert late == [m for m in whole if m.measured_s >= late[0].measured_s]
+
+
 def test_antennas_that_would_be_over_a_joint_at_once_are_refused() -> None:
     with pytest.raises(ValueError, match="never over a joint at once"):
         sensor("induction_loop", straight_line(), antennas=2, antenna_spacing_m=0.5, **JOINTS)
