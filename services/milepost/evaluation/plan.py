@@ -25,12 +25,16 @@ CREEP_AT_LEAST = 1e-4
 
 @dataclass(frozen=True)
 class Asked:
-    """One figure that the scenario asks for: a row of the table of scores, its options, the window it is limited to."""
+    """One figure that the scenario asks for: a row of the table of scores, its options, the window it is limited to.
+
+    `estimator`: the one that it is of, where not each has its own.
+    """
 
     key: str
     score: Score
     options: Any
     window: Window | None
+    estimator: str | None
 
     def of(self, trace: Trace, train: Train, world: World | None) -> Figure | None:
         """The figure; None where the estimator has no such thing, or the window holds none of its epochs."""
@@ -114,7 +118,7 @@ def _case(path: Path, scenario: ScenarioFile, seed: int, name: str, variant: Var
             raise ConfigError(path, f"{place}alone", f"{unit} has no filter in {train.path}")
     fixes = withheld_fixes(path, scenario, train) if scenario.withheld is not None else []
     windows = {**scenario.windows, **variant.windows}
-    asked = tuple(_asked(path, key, told or {}, windows) for key, told in scenario.scores.items())
+    asked = tuple(_asked(path, key, told or {}, scenario, windows) for key, told in scenario.scores.items())
     for each in asked:
         if each.window == "creep" and (train.file.world is None or train.file.world.creep is None):
             raise ConfigError(path, f"scores.{each.key}.within", "the wheels of this world do not creep")
@@ -131,15 +135,18 @@ def _train(path: Path, scenario: ScenarioFile, changes: Iterable[Mapping[str, An
         raise ConfigError(path, field, str(error)) from error
 
 
-def _asked(path: Path, key: str, told: Mapping[str, Any], windows: Mapping[str, Window]) -> Asked:
-    name, within = str(told.get("score", key)), told.get("within")
+def _asked(path: Path, key: str, told: Mapping[str, Any], scenario: ScenarioFile, windows: Mapping[str, Window]) -> Asked:
+    name, within, estimator = str(told.get("score", key)), told.get("within"), told.get("estimator")
     if name not in SCORES:
         raise ConfigError(path, f"scores.{key}", f"{name!r} is none of {', '.join(SCORES)}")
     if within is not None and within not in windows:
         raise ConfigError(path, f"scores.{key}.within", f"{within!r} is none of the windows")
-    options = {option: value for option, value in told.items() if option not in ("score", "within")}
+    if estimator is not None and estimator not in scenario.estimators:
+        raise ConfigError(path, f"scores.{key}.estimator", f"{estimator!r} is none of the scenario's estimators")
+    options = {option: value for option, value in told.items() if option not in ("score", "within", "estimator")}
     row = SCORES[name]
-    return Asked(key, row, validate(path, options, row.options, f"scores.{key}"), None if within is None else windows[within])
+    window = None if within is None else windows[within]
+    return Asked(key, row, validate(path, options, row.options, f"scores.{key}"), window, estimator)
 
 
 def _check_claims(path: Path, scenario: ScenarioFile) -> None:

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import multiprocessing
+import os
 import signal
+import threading
 from collections.abc import Callable, Iterator, MutableSequence, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from contextlib import contextmanager
 from dataclasses import dataclass
+from multiprocessing import resource_tracker
+from multiprocessing.managers import SyncManager
 from pathlib import Path
-from threading import Event
 from typing import Any, TextIO
 
 from milepost.runtime.memory_bus import Tap
@@ -89,11 +92,12 @@ def _from(show: Show, done_s: float) -> Show:
 
 def _in_processes(tasks: Sequence[Task], jobs: int, show: Show) -> list[Outcome]:
     spawn = multiprocessing.get_context("spawn")
-    with _interrupt_ignored():
-        manager = spawn.Manager()
-    with manager, ProcessPoolExecutor(jobs, mp_context=spawn) as pool:
+    with _interrupt_held_back():
+        manager = SyncManager(ctx=spawn)
+        manager.start(_end_with_parent)
+    with manager, ProcessPoolExecutor(jobs, mp_context=spawn, initializer=_end_with_parent) as pool:
         done_s, stop = manager.list([0.0] * len(tasks)), manager.Event()
-        with _interrupt_ignored():
+        with _interrupt_held_back():
             futures = [pool.submit(_work, place, task, done_s, stop) for place, task in enumerate(tasks)]
         try:
             _watch(futures, lambda: show(sum(done_s)))
@@ -115,16 +119,30 @@ def _watch(futures: Sequence[Future[Outcome]], look: Callable[[], None]) -> None
 
 
 @contextmanager
-def _interrupt_ignored() -> Iterator[None]:
-    """What is started inside inherits it: Ctrl-C is for the process that a person started, which tells the others."""
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+def _interrupt_held_back() -> Iterator[None]:
+    """What is started inside never hears Ctrl-C: it is for the process that a person started, which tells the others."""
+    # this one deals with signals by itself, and would let them through again where it is started inside
+    resource_tracker.ensure_running()
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
     finally:
-        signal.signal(signal.SIGINT, before)
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _work(place: int, task: Task, done_s: MutableSequence[float], stop: Event) -> Outcome:
+def _end_with_parent() -> None:
+    """A process whose parent was killed has nobody left to work for."""
+    parent = multiprocessing.parent_process()
+
+    def wait_for_it() -> None:
+        if parent is not None:
+            parent.join()
+            os._exit(1)
+
+    threading.Thread(target=wait_for_it, daemon=True).start()
+
+
+def _work(place: int, task: Task, done_s: MutableSequence[float], stop: threading.Event) -> Outcome:
     def show(t_s: float) -> None:
         if stop.is_set():
             raise Cancelled

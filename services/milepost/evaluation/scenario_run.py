@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from milepost.estimation.centralised import centralised
+from milepost.estimation.timeline import NS
 from milepost.runtime.collector import rare_collection
 from milepost.runtime.memory_bus import Tap
 from milepost.runtime.offline import OFFLINE_START_NS, simulate
 from milepost.runtime.roles import full_layout, prior
 from milepost.runtime.yaml_files import ConfigError
+from milepost.sensors.base import World
 
 from .heard import Heard
 from .plan import Case, Plan, make_plan
@@ -83,9 +87,7 @@ def _figures(plan: Plan, case: Case, heard: Heard, traces: Traces) -> dict[str, 
     estimators: dict[str, Any] = {}
     for name, trace in traces.items():
         estimators[name] = basic(trace, plan.scenario.speed_after_s)
-        train = case.rivals.get(name, case.train)
-        asked = {each.key: each.of(trace, train, world) for each in case.asked}
-        estimators[name] |= {key: figure for key, figure in asked.items() if figure is not None}
+        estimators[name] |= _asked(case, name, traces, world)
     result: dict[str, Any] = {"estimators": estimators}
     if {"fused", "centralised"} <= set(traces):
         ours, best = estimators["fused"], estimators["centralised"]
@@ -97,9 +99,22 @@ def _figures(plan: Plan, case: Case, heard: Heard, traces: Traces) -> dict[str, 
     return result
 
 
+def _asked(case: Case, name: str, traces: Traces, world: World | None) -> dict[str, Any]:
+    """The figures that the scenario asks for and this estimator has; beside `fused` stand those that are of another one."""
+    out = {}
+    for asked in case.asked:
+        of = name if asked.estimator is None else asked.estimator if name == "fused" else None
+        figure = asked.of(traces[of], case.rivals.get(of, case.train), world) if of in traces else None
+        if figure is not None:
+            out[asked.key] = figure
+    return out
+
+
 def _of_run(heard: Heard, settled: bool) -> Trace:
     states, names = heard.settled if settled else heard.live, full_layout(heard.train).names
-    return trace_of_states(states, heard.truth, OFFLINE_START_NS, heard.live, heard.private, names)
+    trace = trace_of_states(states, heard.truth, OFFLINE_START_NS, heard.live, heard.private, names)
+    counted = {unit: (np.array(sorted(times)) - OFFLINE_START_NS) * NS for unit, times in heard.counted.items()}
+    return replace(trace, counted=counted)
 
 
 def _centralised(heard: Heard, unit: str | None) -> Trace:
