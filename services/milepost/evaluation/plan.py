@@ -34,7 +34,7 @@ class Asked:
     score: Score
     options: Any
     window: Window | None
-    estimator: str | None
+    estimator: str | None = None
 
     def of(self, trace: Trace, train: Train, world: World | None) -> Figure | None:
         """The figure; None where the estimator has no such thing, or the window holds none of its epochs."""

@@ -121,8 +121,8 @@ ECEF_PATH: dict[str, Cell] = {name: Cell(name, float) for name in ECEF_COLUMNS}
 def path_motion(path: Path, track: Track) -> KnotMotion:
     """The motion along a track of a path recorded in earth-centred metres and metres a second, from its first row on.
 
-    Position: the chainage of the nearest point; speed: the velocity's size; acceleration: central differences of the
-    speed. Raises ValueError naming file, line and column for what it cannot read.
+    Position: the chainage of the nearest point; speed: the velocity's size, both made to agree; acceleration: central
+    differences of the speed. Raises ValueError naming file, line and column for what it cannot read.
     """
     import pyproj  # slow to import, and few recordings need it
 
@@ -137,5 +137,18 @@ def path_motion(path: Path, track: Track) -> KnotMotion:
     times = table[:, 0] - table[0, 0]
     longitude, latitude, _ = pyproj.Transformer.from_crs("EPSG:4978", "EPSG:4979", always_xy=True).transform(*table[:, 1:4].T)
     s = np.array([track.project(lat, lon).position_m for lat, lon in zip(latitude, longitude, strict=True)])
-    v = np.linalg.norm(table[:, 4:7], axis=1)
-    return KnotMotion(times, np.column_stack([s, v, np.gradient(v, times)]))
+    return KnotMotion(times, _smooth(times, s, np.linalg.norm(table[:, 4:7], axis=1)))
+
+
+def _smooth(times: Array, s: Array, v: Array) -> Array:
+    """[s, v, a] (n, 3) of which each is the other's derivative: s = p + d, p = ∫v dt, d the mean of s - p over ±1 s.
+
+    Positions and speeds of a recording are not quite each other's; as knots, they would be joined by jumps of acceleration.
+    """
+    p = np.concatenate([[0.0], np.cumsum(0.5 * (v[1:] + v[:-1]) * np.diff(times))])
+    reach = max(1, round(1.0 / float(np.median(np.diff(times)))))
+    window = np.ones(2 * reach + 1)
+    # beyond the ends the difference is held
+    d = np.convolve(np.pad(s - p, reach, mode="edge"), window / window.sum(), mode="valid")
+    v = v + np.gradient(d, times)
+    return np.column_stack([p + d, v, np.gradient(v, times)])
