@@ -11,7 +11,7 @@ import pytest
 from milepost.evaluation.plan import Asked, epochs_within
 from milepost.evaluation.scores import BASIC, SCORES, basic
 from milepost.evaluation.summary import summary
-from milepost.evaluation.trace import Trace, largest_difference_in_sigmas, trace_of_beliefs
+from milepost.evaluation.trace import Trace, largest_difference_in_sigmas, trace_of_beliefs, trace_of_states
 
 NOBODY: Any = SimpleNamespace(sensors={})
 
@@ -84,10 +84,10 @@ def test_the_error_over_a_gap_is_the_growth_not_the_size():
 
 
 def test_a_wheels_diameter_is_compared_with_the_worn_one_where_the_train_then_is():
-    wheel = SimpleNamespace(diameter_m=0.9, simulated=SimpleNamespace(diameter_m=1.0, wear_mps=0.01))
+    wheel = SimpleNamespace(diameter_m=0.8, simulated=SimpleNamespace(diameter_m=1.0, wear_mps=0.01))
     train = SimpleNamespace(sensors={"odometer": SimpleNamespace(options=wheel)})
-    # told 0.9: κ = -0.1 stands for 1.0 m. After 10 m (1 s) the wheel is 0.99 m, after 20 m 0.98 m; the run ends at 30 m
-    given = trace([0.0] * 4, [0.0] * 4, private={"odometer.scale": np.full(4, -0.1)})
+    # told 0.8: κ = 0.25 stands for 1.0 m. After 10 m (1 s) the wheel is 0.99 m, after 20 m 0.98 m; the run ends at 30 m
+    given = trace([0.0] * 4, [0.0] * 4, private={"odometer.scale": np.full(4, 0.25)})
     off = figure("diameter_error_percent_at_m", given, train, unit="odometer", at_m=[10.0, 15.0, 99.0])
     assert off == pytest.approx({"10": 100.0 / 99.0, "15": 100.0 * 2.0 / 98.0})
 
@@ -136,3 +136,16 @@ def test_many_seeds_become_medians_and_the_worst_which_is_the_least_where_more_i
         "err": 2.0, "hz": 45.0, "map": {"10": 2.0}, "list": [2.0, 45.0],
     }  # fmt: skip
     assert figures["worst"] == {"err": 5.0, "hz": 40.0, "map": {"10": 5.0}, "list": [5.0, 50.0]}
+
+
+def test_private_states_that_go_back_with_every_other_state_are_there_at_every_epoch():
+    head: Any = {"position_m": 0.0, "speed_mps": 0.0, "acceleration_mps2": 0.0, "covariance": np.eye(3), "sensors": []}
+    head |= {"position_min_m": 0.0, "position_max_m": 0.0, "speed_min_mps": 0.0, "speed_max_mps": 0.0}
+    states: Any = {k: SimpleNamespace(**head, measured_at_ns=k, published_at_ns=k) for k in (0, 1, 2)}
+    truth = {k: [0.0, 0.0, 0.0] for k in states}
+    names = ["position_m", "speed_mps", "acceleration_mps2", "imu.bias"]
+    given = trace_of_states(states, truth, 0, states, {0: ([1.0], [4.0]), 2: ([3.0], [16.0])}, names)
+    assert given.private["imu.bias"].tolist() == [1.0, 2.0, 3.0]
+    assert given.private_std["imu.bias"].tolist() == [2.0, 3.0, 4.0]
+    # the sources' rule sends the common states back alone
+    assert trace_of_states(states, truth, 0, states, {}, names).private == {}

@@ -109,7 +109,7 @@ def longest_gap_s(trace: Trace) -> float | None:
 
 
 def diameter_error_percent_at_m(trace: Trace, train: Train, options: UnitOptions) -> dict[str, float] | None:
-    """How far the estimated wheel diameter, told/(1 + κ̂), is off the true one, each so many metres travelled."""
+    """How far the estimated wheel diameter, told · (1 + κ̂), is off the true one, each so many metres travelled."""
     scale = trace.private.get(f"{options.unit}.scale")
     if scale is None:
         return None
@@ -123,9 +123,9 @@ def diameter_error_percent_at_m(trace: Trace, train: Train, options: UnitOptions
 
 
 def estimated_diameter_m(train: Train, unit: str, scale: Array) -> Array:
-    """The diameter that a scale κ stands for: what the odometer is told, over 1 + κ."""
+    """The diameter that a scale κ stands for: 1 + κ times what the odometer is told."""
     told: float = _odometer(train, unit).diameter_m
-    return told / (1.0 + scale)
+    return told * (1.0 + scale)
 
 
 def true_diameter_m(train: Train, unit: str, t_s: Array) -> Array | None:

@@ -92,17 +92,25 @@ def trace_of_states(
     trace = trace_of_beliefs(beliefs, truth, start_ns)
     chosen = [states[at] for at in sorted(set(states) & set(truth))]
     said = [{sensor.unit: sensor.share for sensor in state.sensors} for state in chosen]
-    nothing = [float("nan")] * len(names[N_COMMON:])
-    of_private = np.array([private.get(state.measured_at_ns, (nothing, nothing)) for state in chosen])
-    own = list(enumerate(names[N_COMMON:]))
+    means, deviations = _between(private, trace.t_s, start_ns)
+    own = list(enumerate(names[N_COMMON:])) if private else []
     return replace(
         trace,
         bounds=np.array([(s.position_min_m, s.position_max_m, s.speed_min_mps, s.speed_max_mps) for s in chosen]),
         sent_s=np.array([(s.published_at_ns - start_ns) * NS for s in live.values()]),
         shares={unit: np.array([row.get(unit, 0.0) for row in said]) for unit in sorted({u for row in said for u in row})},
-        private={name: of_private[:, 0, i] for i, name in own},
-        private_std={name: np.sqrt(of_private[:, 1, i]) for i, name in own},
+        private={name: means[i] for i, name in own},
+        private_std={name: deviations[i] for i, name in own},
     )
+
+
+def _between(
+    private: Mapping[int, tuple[list[float], list[float]]], t_s: Array, start_ns: int
+) -> tuple[list[Array], list[Array]]:
+    """Means and standard deviations (K) of each private state: not every state goes back, so between those that do."""
+    told_s = [(at - start_ns) * NS for at in private]
+    columns = np.array(list(private.values())).transpose(1, 2, 0) if private else np.empty((2, 0, 0))
+    return [np.interp(t_s, told_s, m) for m in columns[0]], [np.interp(t_s, told_s, np.sqrt(v)) for v in columns[1]]
 
 
 def largest_difference_in_sigmas(ours: Trace, reference: Trace) -> float:
