@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from milepost.evaluation.claims import Row, Spread, judge
-from milepost.evaluation.tables import claims_table
+from milepost.evaluation.tables import claims_table, flat
 from milepost.runtime.scenario_file import ScenarioFile
 
 CLAIM = {"key": "position_max_m", "source": "B", "says": "< 10 m", "at_most": 2.0}
@@ -74,3 +74,7 @@ def test_the_printed_table_says_why_a_target_is_not_met():
     assert lines[3].strip() == "not met: Nobody can."
     assert lines[4].split()[-1] == "yes"
     assert len(lines) == 5
+
+
+def test_the_entries_of_a_map_or_a_list_are_named_as_claims_name_them():
+    assert flat({"a": 1.0, "map": {"30": 2.0}, "list": [3.0, 4.0]}) == {"a": 1.0, "map.30": 2.0, "list.0": 3.0, "list.1": 4.0}

@@ -14,11 +14,12 @@ from .campaign import Evaluated, Skipped, as_fields
 from .claims import Row
 from .plotting import Spans, draw_diameter, draw_errors, draw_shares
 from .scenario_run import Traces
-from .tables import HEADINGS, row_cells, with_worst
+from .tables import HEADINGS, flat, row_cells, with_worst
 
 PAGE = Path(__file__).with_name("report.html")
 # more lines than this in one picture and none can be told from another
 MOST_LINES = 6
+KIND = {True: "met", False: "missed", None: ""}
 CODE = re.compile(r"`([^`]+)`")
 PICTURE = '<figure><img src="{file}" alt="{text}"><figcaption>{text}</figcaption></figure>'
 
@@ -42,14 +43,15 @@ def write_report(folder: Path, done: Sequence[Evaluated], skipped: Sequence[Skip
 
 
 def _verdict(rows: Sequence[Row]) -> str:
-    return f"{sum(row.met for row in rows)} of {len(rows)} targets met."
+    judged = [row.met for row in rows if row.met is not None]
+    return f"{sum(judged)} of {len(judged)} targets met."
 
 
 def _claims(rows: Sequence[Row]) -> str:
     lines = [_line(HEADINGS, "th")]
     for row in rows:
-        lines.append(_line(row_cells(row), "td", "met" if row.met else "missed"))
-        if not row.met:
+        lines.append(_line(row_cells(row), "td", KIND[row.met]))
+        if row.met is False:
             why = escape(row.why or "the scenario file does not say why")
             lines.append(f'<tr class="why"><td></td><td colspan="{len(HEADINGS) - 1}">Not met: {why}</td></tr>')
     return "\n".join(lines)
@@ -77,10 +79,11 @@ def _section(each: Evaluated, pictures: Sequence[tuple[str, str]]) -> str:
 def _figures(name: str, condition: Mapping[str, Any]) -> str:
     """A table of one condition: figures down, estimators across, medians with the worst in brackets."""
     estimators = condition["estimators"]
-    keys = list(dict.fromkeys(key for figures in estimators.values() for key in figures if key != "worst"))
+    medians = [flat({key: value for key, value in figures.items() if key != "worst"}) for figures in estimators.values()]
+    worst = [flat(figures["worst"]) for figures in estimators.values()]
     lines = [_line(["", *estimators], "th")]
-    for key in keys:
-        cells = [with_worst(f[key], f["worst"][key]) if key in f else "-" for f in estimators.values()]
+    for key in dict.fromkeys(key for figures in medians for key in figures):
+        cells = [with_worst(m[key], w[key]) if key in m else "-" for m, w in zip(medians, worst, strict=True)]
         lines.append(_line([key, *cells], "td"))
     alone = [f"{key}: {value:.4g}" for key, value in condition.items() if key.startswith(("fused_", "withheld_"))]
     heading = f"<h3>{escape(name)}</h3>" if name else ""

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from .claims import Row, Spread
 from .scores import BASIC
 
 HEADINGS = ("source", "scenario", "figure", "its claim", "its method here", "Milepost here", "optimum here", "target", "met")
+VERDICT = {True: "yes", False: "NO", None: "-"}
 
 
 def estimator_table(result: dict[str, Any]) -> str:
@@ -40,7 +41,7 @@ def claims_table(rows: Sequence[Row]) -> str:
     out = [lines[0], "-" * len(lines[0])]
     for row, line in zip(rows, lines[1:], strict=True):
         out.append(line)
-        if not row.met:
+        if row.met is False:
             out.append(f"    not met: {row.why or 'the scenario file does not say why'}")
     return "\n".join(out)
 
@@ -48,7 +49,7 @@ def claims_table(rows: Sequence[Row]) -> str:
 def row_cells(row: Row) -> tuple[str, ...]:
     """A claim's row as text, in the order of the headings."""
     spreads = [spread_shown(spread) for spread in (row.method, row.ours, row.optimum)]
-    return (row.source, row.scenario, row.label, row.says, *spreads, row.target, "yes" if row.met else "NO")
+    return (row.source, row.scenario, row.label, row.says, *spreads, row.target, VERDICT[row.met])
 
 
 def spread_shown(spread: Spread | None) -> str:
@@ -59,6 +60,15 @@ def spread_shown(spread: Spread | None) -> str:
 def with_worst(median: Any, worst: Any) -> str:
     """A figure, and the worst of it in brackets where that is another."""
     return shown(median) if shown(median) == shown(worst) else f"{shown(median)} ({shown(worst)})"
+
+
+def flat(figures: Mapping[str, Any]) -> dict[str, float]:
+    """Figures with each entry of a map or a list by itself, named as claims name it: `key.entry`."""
+    out: dict[str, float] = {}
+    for key, value in figures.items():
+        entries = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else None
+        out |= {key: value} if entries is None else {f"{key}.{place}": entry for place, entry in entries}
+    return out
 
 
 def shown(value: Any) -> str:
