@@ -69,7 +69,7 @@ def test_a_fused_speed_that_is_off_by_a_constant_hides_no_bias() -> None:
     errors = []
     for speed_error in (0.0, 0.7):
         learned = LearnedError(MODEL)
-        assert taught(learned, 0.006, 400.0, speed_error) == 40
+        assert taught(learned, 0.006, 400.0, speed_error) == 20
         errors.append(learned.correction(400.0)[0])
     assert errors[0] == errors[1]
     # 400 s leave N/√400 = 0.0025 of noise against a prior of 0.005: most of the bias is found

@@ -20,19 +20,19 @@ class ErrorModel:
 
     `bias_std` δ in m/s², `walk_std` σ in m/s²/√s, `noise_density` N in m/s²/√Hz; `window_s` T over which a sample is taken,
     `memory_s` of the forgetting, λ = exp(-T/memory). Left at 0, it is N/σ, beyond which a walk has wandered farther than the
-    noise lets anyone see, but six windows at least: the samples' errors take turns, which the fit does not know.
+    noise lets anyone see, but three windows at least.
     """
 
     bias_std: float
     walk_std: float
     noise_density: float
-    window_s: float = 10.0
+    window_s: float = 20.0
     memory_s: float = 0.0
 
     def __post_init__(self) -> None:
         if self.memory_s == 0.0:
             best = self.noise_density / self.walk_std if self.walk_std > 0.0 else math.inf
-            object.__setattr__(self, "memory_s", min(max(6.0 * self.window_s, best), LONGEST_MEMORY_S))
+            object.__setattr__(self, "memory_s", min(max(3.0 * self.window_s, best), LONGEST_MEMORY_S))
 
 
 @dataclass

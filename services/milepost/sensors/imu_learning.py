@@ -31,7 +31,7 @@ class LearnOptions(BaseModel):
 
     trusted_position_std_m: Positive = 10.0
     trusted_speed_std_mps: Positive = 2.0
-    window_s: Positive = 10.0
+    window_s: Positive = 20.0
     memory_s: Positive | None = None
     longest_outage_s: Positive = 300.0
 
