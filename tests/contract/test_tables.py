@@ -13,6 +13,7 @@ from examples import EXAMPLES, SENSOR_OPTIONS, options_of
 from milepost.estimation.filters import FILTERS
 from milepost.estimation.fusion import RULES
 from milepost.estimation.layout import COMMON
+from milepost.evaluation.scores import SCORES
 from milepost.runtime.config import load_train
 from milepost.runtime.roles import ROLES, process_name, processes
 from milepost.sensors import SENSORS
@@ -69,6 +70,13 @@ def test_filters_and_rules_are_each_something_else() -> None:
     assert len(set(RULES.values())) == len(RULES)
     assert "kalman" in FILTERS
     assert {"information", "federated"} <= set(RULES)
+
+
+@pytest.mark.parametrize("name", sorted(SCORES))
+def test_a_score_can_be_asked_for_by_a_scenario_file_and_refuses_options_that_it_does_not_have(name: str) -> None:
+    assert name.replace("_", "").isalnum()
+    assert name.islower()
+    assert SCORES[name].options.model_config["extra"] == "forbid"
 
 
 def test_the_role_table_is_filed_by_name_and_listeners_come_before_speakers() -> None:

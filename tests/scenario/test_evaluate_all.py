@@ -15,6 +15,7 @@ import psutil
 import pytest
 from harness import MAGLEV, ROOT
 
+from milepost.evaluation.campaign import find
 from milepost.evaluation.plan import make_plan
 from milepost.evaluation.pool import Task, run_tasks
 from milepost.runtime.yaml_files import ConfigError
@@ -186,6 +187,14 @@ def test_no_process_outlives_an_evaluation_that_is_ended(folder, how):
     assert running.returncode == (130 if how == signal.SIGINT else -signal.SIGKILL)
     assert b"Traceback" not in said, said.decode()
     assert not left
+
+
+def test_every_scenario_of_ours_can_be_evaluated_or_says_what_is_missing():
+    plans, skipped = find(ROOT / "deploy/scenarios", [])
+    names = [plan.scenario.scenario for plan in plans] + [each.scenario for each in skipped]
+    assert len(names) == len(list((ROOT / "deploy/scenarios").glob("*.yaml")))
+    assert len(set(names)) == len(names)
+    assert all(plan.scenario.claims or plan.scenario.scores for plan in plans)
 
 
 def test_a_mistake_that_a_worker_finds_is_still_one_line(tmp_path):
