@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -16,14 +16,28 @@ from milepost.nodes.observations import POSITION, of_fix, of_reading
 from milepost.runtime.config import Train
 from milepost.runtime.memory_bus import Tap
 from milepost.sensors.base import Belief, Observer
-from milepost_schemas import AbsoluteFix, Estimate, Feedback, FusedState, Message, Truth
+from milepost_schemas import AbsoluteFix, Estimate, Feedback, FusedState, Gaussian, Message, Truth
+
+
+class Part(NamedTuple):
+    """Some states' means and variances."""
+
+    means: list[float]
+    variances: list[float]
+
+
+def private_part(belief: Gaussian) -> Part:
+    """What a belief says of private states."""
+    P = belief.covariance
+    return Part(list(belief.mean[N_COMMON:]), [P[i][i] for i in range(N_COMMON, len(P))])
 
 
 @dataclass
 class Heard:
-    """What one offline run said: truth, readings and fixes, states, and the fused private states that went back.
+    """What one offline run said: truth, readings and fixes, states, and private states as they last stood.
 
-    `private`: epoch → (means, variances), in the order of the train's layout. `counted`: unit → the times of the observations
+    `private`: epoch → (means, variances), in the order of the train's layout: as they went back with the feedback, or, where
+    the rule fuses none, as each filter believed. `counted`: unit → the times of the observations
     that its filter sent to the fuser.
     """
 
@@ -38,6 +52,7 @@ class Heard:
 
     def __post_init__(self) -> None:
         self._orders = {unit: order for order, unit in enumerate(self.train.sensors)}
+        self._believed = {unit: Part([], []) for unit, sensor in self.train.sensors.items() if sensor.private_states}
 
     def tap(self, output: Output, now_ns: int) -> None:
         """One message on the bus."""
@@ -49,16 +64,23 @@ class Heard:
         elif isinstance(message, FusedState):
             self.live[message.measured_at_ns] = message
         elif isinstance(message, Feedback):
-            mean, P = message.fused.mean, message.fused.covariance
-            if len(mean) > N_COMMON:
-                variances = [P[i][i] for i in range(N_COMMON, len(mean))]
-                self.private[message.measured_at_ns] = (list(mean[N_COMMON:]), variances)
+            self._note_private(message)
         elif isinstance(message, Estimate):
+            if message.unit in self._believed:
+                self._believed[message.unit] = private_part(message.belief)
             self.counted.setdefault(message.unit, set()).update(o.measured_at_ns for o in message.observations)
         elif isinstance(message, AbsoluteFix):
             self.said.append((self._orders[message.reader], message))
         elif output.stream.endswith("_reading"):
             self.said.append((self._orders[message.unit], message))
+
+    def _note_private(self, feedback: Feedback) -> None:
+        fused, believed = private_part(feedback.fused), self._believed.values()
+        if fused.means:
+            self.private[feedback.measured_at_ns] = fused
+        elif believed and all(part.means for part in believed):
+            means, variances = ([value for part in believed for value in part[i]] for i in (0, 1))
+            self.private[feedback.measured_at_ns] = Part(means, variances)
 
     def keep(self, state: FusedState) -> None:
         """One settled state."""
