@@ -21,7 +21,10 @@ class Spread:
 
 @dataclass(frozen=True)
 class Row:
-    """A claim judged: the figure by the source's method, by Milepost and by the optimum; absent where there is none."""
+    """A claim judged: the figure by the source's method, by Milepost and by the optimum; absent where there is none.
+
+    `met` is None where there is no target.
+    """
 
     source: str
     scenario: str
@@ -31,7 +34,7 @@ class Row:
     method: Spread | None
     ours: Spread | None
     optimum: Spread | None
-    met: bool
+    met: bool | None
     why: str
 
     def as_dict(self) -> dict[str, Any]:
@@ -46,25 +49,32 @@ def judge(scenario: ScenarioFile, results: Sequence[dict[str, Any]]) -> list[Row
 
 def _row(scenario: ScenarioFile, claim: ClaimFile, results: Sequence[dict[str, Any]]) -> Row:
     ours = _spread(claim, claim.ours, results)
-    limit = f"≤ {claim.at_most:g}" if claim.at_most is not None else f"≥ {claim.at_least:g}"
     label = claim.label or claim.key + (f" / {claim.over}" if claim.over else "")
     return Row(
         claim.source,
         scenario.scenario + (f" ({claim.variant})" if claim.variant else ""),
         label,
         claim.says,
-        f"{limit} ({claim.of})",
+        _target(claim),
         _spread(claim, claim.method, results),
         ours,
         _spread(claim, claim.optimum, results),
-        ours is not None and _meets(claim, ours),
+        False if ours is None else _meets(claim, ours),
         claim.why if ours is not None else f"{claim.ours} has no figure {claim.key} on every seed",
     )
 
 
-def _meets(claim: ClaimFile, spread: Spread) -> bool:
+def _target(claim: ClaimFile) -> str:
+    if claim.at_most is not None:
+        return f"≤ {claim.at_most:g} ({claim.of})"
+    return "-" if claim.at_least is None else f"≥ {claim.at_least:g} ({claim.of})"
+
+
+def _meets(claim: ClaimFile, spread: Spread) -> bool | None:
     held = spread.worst if claim.of == "worst" else spread.median
-    return held <= claim.at_most if claim.at_most is not None else claim.at_least is not None and held >= claim.at_least
+    if claim.at_most is not None:
+        return held <= claim.at_most
+    return None if claim.at_least is None else held >= claim.at_least
 
 
 def _spread(claim: ClaimFile, estimator: str | None, results: Sequence[dict[str, Any]]) -> Spread | None:
@@ -72,7 +82,7 @@ def _spread(claim: ClaimFile, estimator: str | None, results: Sequence[dict[str,
     numbers = [value for value in values if value is not None]
     if len(numbers) < len(values):
         return None
-    return Spread(float(np.median(numbers)), max(numbers) if claim.at_most is not None else min(numbers))
+    return Spread(float(np.median(numbers)), min(numbers) if claim.at_least is not None else max(numbers))
 
 
 def _value(claim: ClaimFile, estimator: str | None, result: dict[str, Any]) -> float | None:

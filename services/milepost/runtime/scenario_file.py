@@ -48,7 +48,8 @@ class ClaimFile(BaseModel):
     """What a source says of itself, and what Milepost has to reach: the figure `key` of the estimator `ours`.
 
     `key`: a figure's name, with `.` into a map (`gap_error_m.30`). `over`: the figure divided by this estimator's, seed by
-    seed. `of`: what of all seeds the target is held against. `why`: said where the target is not met.
+    seed. `of`: what of all seeds the target is held against. `why`: said where the target is not met. Without a target the
+    figure is shown and not judged.
     """
 
     model_config = STRICT
@@ -68,7 +69,7 @@ class ClaimFile(BaseModel):
 
     @model_validator(mode="after")
     def _one_target(self) -> ClaimFile:
-        if (self.at_most is None) == (self.at_least is None):
+        if self.at_most is not None and self.at_least is not None:
             raise ValueError("give either at_most or at_least")
         return self
 
