@@ -78,3 +78,9 @@ def test_the_printed_table_says_why_a_target_is_not_met():
 
 def test_the_entries_of_a_map_or_a_list_are_named_as_claims_name_them():
     assert flat({"a": 1.0, "map": {"30": 2.0}, "list": [3.0, 4.0]}) == {"a": 1.0, "map.30": 2.0, "list.0": 3.0, "list.1": 4.0}
+
+
+def test_a_figure_without_a_target_is_shown_and_not_judged():
+    row = judged({"key": "position_max_m", "source": "B", "says": "-"}, seed(1.0), seed(4.0), seed(1.5))
+    assert (row.ours, row.target, row.met) == (Spread(1.5, 4.0), "-", None)
+    assert "not met" not in claims_table([row])
