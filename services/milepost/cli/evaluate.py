@@ -59,7 +59,7 @@ def run_evaluate_all(
     _write_report(report, done, skipped)
     rows = [row for each in done for row in each.rows]
     print(json.dumps(as_fields(done, skipped)) if as_json else claims_table(sorted(rows, key=lambda row: row.source)))
-    return int(any(not row.met and not row.why for row in rows))
+    return int(any(row.met is False and not row.why for row in rows))
 
 
 def _work(plans: Sequence[Plan], runs: int, jobs: int | None, keep: bool, record: Path | None) -> list[Evaluated]:
