@@ -14,7 +14,9 @@ from milepost.runtime.roles import ROLES, Process, processes
 
 ROOT = Path(__file__).parents[2]
 SERVICES: dict[str, dict[str, Any]] = yaml.safe_load((ROOT / "compose.yaml").read_text(encoding="utf-8"))["services"]
-PROCESSES = processes(load_train(ROOT / DEFAULT_TRAIN))
+TRAIN = load_train(ROOT / DEFAULT_TRAIN)
+PROCESSES = processes(TRAIN)
+KEEPS = {f"filter-{unit}" for unit, sensor in TRAIN.sensors.items() if sensor.kind == "odometer"}
 
 
 def test_a_container_a_process_and_the_router() -> None:
@@ -24,7 +26,9 @@ def test_a_container_a_process_and_the_router() -> None:
 @pytest.mark.parametrize("process", PROCESSES, ids=lambda process: process.name)
 def test_each_container_runs_its_process(process: Process) -> None:
     unit = [process.unit] if ROLES[process.role].per_unit else []
-    assert SERVICES[process.name]["command"] == ["run", process.role, *unit]
+    command = SERVICES[process.name]["command"]
+    kept = ["--state-dir", "/var/lib/milepost"] if process.name in KEEPS else []
+    assert command == ["run", process.role, *unit, *kept]
 
 
 def test_router_takes_the_file_that_zenohd_takes() -> None:
@@ -46,7 +50,9 @@ def test_every_container_can_do_as_little_as_possible(name: str) -> None:
     assert service["cap_drop"] == ["ALL"]
     assert service["security_opt"] == ["no-new-privileges:true"]
     assert "user" not in service, "the image's user is the right one"
-    assert not {"privileged", "cap_add", "network_mode", "pid", "volumes"} & set(service)
+    assert not {"privileged", "cap_add", "network_mode", "pid"} & set(service)
+    # what a filter learned outlives it; nothing else does
+    assert service.get("volumes", []) == (["learned:/var/lib/milepost"] if name in KEEPS else [])
 
 
 @pytest.mark.parametrize("name", SERVICES)

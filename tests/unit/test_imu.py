@@ -22,6 +22,7 @@ QUIET = {
     "turn_noise_density_radps_rthz": 0.0,
     "turn_bias_std_radps": 0.0,
 }
+SEEDS = 120
 HILL = replace(straight_line(), gradient=((0.0, 0.0), (1000.0, 0.0), (2000.0, 0.02)))
 
 
@@ -111,17 +112,17 @@ def test_white_noise_has_the_stated_density() -> None:
 
 
 def test_the_bias_is_first_order_markov_with_the_stated_spread_and_memory() -> None:
-    """Over 400 seeds: std 0.005 at the beginning and after 10 s; correlation between the two exp(-10/20) = 0.607."""
+    """Over 120 seeds: std 0.005 at the beginning and after 10 s; correlation between the two exp(-10/20) = 0.607."""
     options = {**QUIET, "bias_std_mps2": 0.005, "bias_time_constant_s": 20.0, "rate_hz": 2.0}
     pairs = []
-    for seed in range(400):
+    for seed in range(SEEDS):
         seen = readings(options, world([(0.0, 0.0)], seed=seed), 21)
         pairs.append((seen[0][1]["specific_force_mps2"][0], seen[20][1]["specific_force_mps2"][0]))
     first, later = np.array(pairs).T
-    bound = 4.0 * math.sqrt(0.5 / 400)
+    bound = 4.0 * math.sqrt(0.5 / SEEDS)
     assert np.std(first) == pytest.approx(0.005, rel=bound)
     assert np.std(later) == pytest.approx(0.005, rel=bound)
-    assert np.corrcoef(first, later)[0, 1] == pytest.approx(math.exp(-0.5), abs=4.0 * (1.0 - math.exp(-1.0)) / math.sqrt(400))
+    assert np.corrcoef(first, later)[0, 1] == pytest.approx(math.exp(-0.5), abs=4.0 * (1.0 - math.exp(-1.0)) / math.sqrt(SEEDS))
 
 
 def test_a_restarted_unit_goes_on_with_the_bias_and_noise_it_had() -> None:

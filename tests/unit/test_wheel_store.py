@@ -17,7 +17,7 @@ from milepost.estimation.filters.base import FilterSetup
 from milepost.estimation.filters.kalman import KalmanFilter, KalmanOptions
 from milepost.estimation.layout import Layout
 from milepost.nodes.filter import FilterNode
-from milepost.runtime.kept import STATE_DIR, WRITE_EVERY_NS, Keeper, keeper_for
+from milepost.runtime.kept import WRITE_EVERY_NS, Keeper, keeper_for
 from milepost.sensors.wheel_store import DAY_NS, Calibration, as_knowledge, from_bytes, to_bytes
 from milepost_schemas import Estimate, Event, SpeedReading
 
@@ -166,18 +166,18 @@ def test_what_a_filter_keeps_is_what_it_learned() -> None:
 # on disk -----------------------------------------------------------------------------------------------------------------
 
 
-def test_a_calibration_survives_a_cold_start_through_the_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv(STATE_DIR, str(tmp_path / "state"))
+def test_a_calibration_survives_a_cold_start_through_the_disk(tmp_path: Path) -> None:
+    state = tmp_path / "state"
     warm = node()
     list(warm.recall(to_bytes(KEPT), NOW))
     take(warm, 1)
-    keeper = keeper_for(warm, "metro-1")
+    keeper = keeper_for(warm, "metro-1", state)
     assert keeper is not None
     assert list(keeper.recall(NOW)) == []
     keeper.write()
-    assert [path.name for path in (tmp_path / "state").iterdir()] == ["metro-1.odo.json"]
+    assert [path.name for path in state.iterdir()] == ["metro-1.odo.json"]
     cold = node()
-    again = keeper_for(cold, "metro-1")
+    again = keeper_for(cold, "metro-1", state)
     assert again is not None
     assert events(again.recall(NOW + 10**9)) == [("info", "calibration_recalled")]
     assert take(cold, 2).belief.mean[3] == pytest.approx(0.0568, abs=2e-3)
@@ -207,6 +207,5 @@ def test_a_disk_that_fails_is_said_once_and_stops_nothing(tmp_path: Path, caplog
     assert list(keeper.recall(NOW)) == []
 
 
-def test_nothing_is_kept_without_a_folder(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.delenv(STATE_DIR, raising=False)
-    assert keeper_for(node(), "metro-1") is None
+def test_nothing_is_kept_without_a_folder() -> None:
+    assert keeper_for(node(), "metro-1", None) is None

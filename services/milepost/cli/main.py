@@ -25,6 +25,10 @@ ConnectOption = Annotated[
     list[str], typer.Option("--connect", envvar="MILEPOST_CONNECT", help="the router's endpoint; again for failover")
 ]
 JsonOption = Annotated[bool, typer.Option("--json", help="print JSON")]
+StateDirOption = Annotated[
+    Path | None,
+    typer.Option("--state-dir", envvar="MILEPOST_STATE_DIR", help="the folder where filters keep what they learned"),
+]
 HIDDEN = {"hidden": True}
 
 
@@ -38,11 +42,12 @@ def up(
     ] = None,
     headless: Annotated[bool, typer.Option("--headless", help="no live table")] = False,
     listen: Annotated[str, typer.Option("--listen", help="the endpoint of the embedded router")] = DEFAULT_ENDPOINT,
+    state_dir: StateDirOption = None,
 ) -> None:
     """Start a train: router, sensors, filters, fuser and balise service, each a process of its own, and show it."""
     from .up import run_up
 
-    raise typer.Exit(run_up(train, duration, speed, report, headless, listen))
+    raise typer.Exit(run_up(train, duration, speed, report, headless, listen, state_dir))
 
 
 @app.command()
@@ -78,11 +83,12 @@ def run(
     ] = 1.0,
     duration: Annotated[float | None, typer.Option("--duration", min=0.1, help="seconds of scenario time")] = None,
     parent: Annotated[int | None, typer.Option("--parent", hidden=True)] = None,
+    state_dir: StateDirOption = None,
 ) -> None:
     """Run one process; what compose.yaml calls."""
     from .run import run_role
 
-    run_role(role, unit, train, connect, listen, config, speed, duration, parent)
+    run_role(role, unit, train, connect, listen, config, speed, duration, parent, state_dir)
 
 
 @app.command()

@@ -28,6 +28,7 @@ def run_role(
     speed: float,
     duration: float | None,
     parent: int | None,
+    state_dir: Path | None,
 ) -> None:
     """Run the router or one process of a train. Raises ConfigError."""
     if parent is not None:
@@ -50,4 +51,4 @@ def run_role(
         unit = unit or role
     if unit not in units:
         raise ConfigError(train_file, "units", f"{unit or 'no unit'!r} has no {role}; there is {', '.join(units) or 'none'}")
-    run_process(train, role, unit, ProcessOptions(connect, speed, duration, parent))
+    run_process(train, role, unit, ProcessOptions(connect, speed, duration, parent, state_dir))

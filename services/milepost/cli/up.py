@@ -26,7 +26,15 @@ class _Interrupted(Exception):
     pass
 
 
-def run_up(train_file: Path, duration_s: float | None, speed: float, report: Path | None, headless: bool, listen: str) -> int:
+def run_up(
+    train_file: Path,
+    duration_s: float | None,
+    speed: float,
+    report: Path | None,
+    headless: bool,
+    listen: str,
+    state_dir: Path | None,
+) -> int:
     """Start everything, show it, end it. Raises ConfigError before anything starts."""
     train = load_train(train_file)
     # every process is built once here: what a recording or a motion spoils shows before anything starts
@@ -59,7 +67,7 @@ def run_up(train_file: Path, duration_s: float | None, speed: float, report: Pat
     if report is not None:
         report.unlink(missing_ok=True)
     try:
-        start_train(supervisor, train, listen, speed, duration_s)
+        start_train(supervisor, train, listen, speed, duration_s, state_dir)
         if report is not None:
             supervisor.start("sentinel", ["sentinel", "--stalls", str(stalls)], restart=False)
             _wait_for_router(listen)

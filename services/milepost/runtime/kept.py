@@ -12,8 +12,6 @@ from milepost.nodes.base import Output
 from milepost.nodes.filter import FilterNode
 
 log = logging.getLogger("milepost")
-# the folder in which filters keep what they learned; without it nothing is kept
-STATE_DIR = "MILEPOST_STATE_DIR"
 WRITE_EVERY_NS = 5 * 10**9
 LARGEST_BYTES = 65536
 
@@ -70,9 +68,8 @@ class Keeper:
             self._failing = False
 
 
-def keeper_for(node: object, train: str) -> Keeper | None:
-    """The keeper of a filter's node, where the environment names a folder."""
-    folder = os.environ.get(STATE_DIR)
-    if not folder or not isinstance(node, FilterNode):
+def keeper_for(node: object, train: str, folder: Path | None) -> Keeper | None:
+    """The keeper of a filter's node; without a folder nothing is kept."""
+    if folder is None or not isinstance(node, FilterNode):
         return None
-    return Keeper(node, Path(folder) / f"{train}.{node.unit}.json")
+    return Keeper(node, folder / f"{train}.{node.unit}.json")

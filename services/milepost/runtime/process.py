@@ -38,12 +38,13 @@ GRACE_NS = NS // 5
 
 @dataclass(frozen=True)
 class ProcessOptions:
-    """What the command line says of a process."""
+    """What the command line says of a process; `state_dir`: where a filter keeps what it learned."""
 
     endpoints: list[str]
     speed: float = 1.0
     duration_s: float | None = None
     parent: int | None = None
+    state_dir: Path | None = None
 
 
 def set_up_log(name: str) -> None:
@@ -94,7 +95,7 @@ def run_process(train: Train, role_name: str, unit: str, options: ProcessOptions
             # a process that is a little late still begins at the beginning: the prior belongs to the first reading
             from_s = late_s if late_s > LATE_S else 0.0
             node = role.build(train, unit, Setting(instance, world, start.start_ns, from_s))
-        keeper = keeper_for(node, train.name)
+        keeper = keeper_for(node, train.name, options.state_dir)
         if not (node.remembers and _catch_up(bus, node, clock)) and keeper is not None:
             for output in keeper.recall(clock.now_ns()):
                 bus.publish(*output)

@@ -125,7 +125,9 @@ def port_is_free(endpoint: str) -> bool:
     return True
 
 
-def start_train(supervisor: Supervisor, train: Train, endpoint: str, speed: float, duration_s: float | None) -> None:
+def start_train(
+    supervisor: Supervisor, train: Train, endpoint: str, speed: float, duration_s: float | None, state_dir: Path | None
+) -> None:
     """Start the router and all processes of a train."""
     parent = ["--parent", str(os.getpid())]
     supervisor.start("router", ["run", "router", "--listen", endpoint, *parent])
@@ -134,5 +136,7 @@ def start_train(supervisor: Supervisor, train: Train, endpoint: str, speed: floa
         unit = [process.unit] if ROLES[process.role].per_unit else []
         world = ["--speed", str(speed)] if process.role == "world" else []
         length = ["--duration", str(duration_s)] if ROLES[process.role].uses_world and duration_s else []
+        state = ["--state-dir", str(state_dir)] if state_dir and process.role == "filter" else []
+        command = ["run", process.role, *unit, *common, *world, *length, *state]
         # a world that begins again would put truth and sensors on different times
-        supervisor.start(process.name, ["run", process.role, *unit, *common, *world, *length], restart=process.role != "world")
+        supervisor.start(process.name, command, restart=process.role != "world")
