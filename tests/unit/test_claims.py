@@ -41,6 +41,8 @@ def test_a_row_has_the_sources_method_ours_and_the_optimum():
         ({"at_most": 1.4}, False),
         ({"at_most": 0.2, "over": "federated"}, True),  # 1.5/8
         ({"at_most": 0.2, "over": "federated", "of": "worst"}, False),  # 4/8
+        ({"at_most": 2.54, "of": "pooled"}, True),  # √(19.25/3) = 2.533
+        ({"at_most": 2.53, "of": "pooled"}, False),
         ({"key": "map.30"}, True),
         ({"key": "map.30", "variant": "v", "of": "worst"}, False),
         ({"key": "withheld_max_m", "method": None, "optimum": None}, True),
@@ -48,6 +50,14 @@ def test_a_row_has_the_sources_method_ours_and_the_optimum():
 )
 def test_a_target_is_held_against_the_median_or_the_worst(changed, met):
     assert judged({**CLAIM, **changed}, seed(1.0), seed(4.0), seed(1.5)).met is met
+
+
+def test_pooled_figures_are_divided_as_wholes():
+    claim = {**CLAIM, "of": "pooled", "over": "federated"}
+    row = judged(claim, seed(3.0, 1.0), seed(4.0, 7.0))
+    # √(9 + 16)/√(1 + 49), where the median of 3/1 and 4/7 is 1.79
+    assert row.ours == Spread(pytest.approx(12.5 / 7.0), 3.0, pytest.approx(0.5**0.5))
+    assert "0.707 (3)" in claims_table([row])
 
 
 def test_where_more_is_better_the_worst_is_the_least():

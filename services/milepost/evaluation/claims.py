@@ -13,10 +13,11 @@ from milepost.runtime.scenario_file import ClaimFile, ScenarioFile
 
 @dataclass(frozen=True)
 class Spread:
-    """A figure over all seeds: their median and the worst of them."""
+    """A figure over all seeds: their median and the worst of them; `pooled`, where asked for, their root mean square."""
 
     median: float
     worst: float
+    pooled: float | None = None
 
 
 @dataclass(frozen=True)
@@ -71,7 +72,9 @@ def _target(claim: ClaimFile) -> str:
 
 
 def _meets(claim: ClaimFile, spread: Spread) -> bool | None:
-    held = spread.worst if claim.of == "worst" else spread.median
+    held = {"median": spread.median, "worst": spread.worst, "pooled": spread.pooled}[claim.of]
+    if held is None:
+        return False
     if claim.at_most is not None:
         return held <= claim.at_most
     return None if claim.at_least is None else held >= claim.at_least
@@ -79,10 +82,14 @@ def _meets(claim: ClaimFile, spread: Spread) -> bool | None:
 
 def _spread(claim: ClaimFile, estimator: str | None, results: Sequence[dict[str, Any]]) -> Spread | None:
     values = [_value(claim, estimator, result) for result in results]
-    numbers = [value for value in values if value is not None]
-    if len(numbers) < len(values):
+    bases = [1.0 if claim.over is None else _value(claim, claim.over, result) for result in results]
+    pairs = [(value, base) for value, base in zip(values, bases, strict=True) if value is not None and base is not None]
+    if len(pairs) < len(results):
         return None
-    return Spread(float(np.median(numbers)), min(numbers) if claim.at_least is not None else max(numbers))
+    numbers = [value / base for value, base in pairs]
+    pooled = float(np.linalg.norm([v for v, _ in pairs]) / np.linalg.norm([b for _, b in pairs]))
+    worst = min(numbers) if claim.at_least is not None else max(numbers)
+    return Spread(float(np.median(numbers)), worst, pooled if claim.of == "pooled" else None)
 
 
 def _value(claim: ClaimFile, estimator: str | None, result: dict[str, Any]) -> float | None:
@@ -93,10 +100,7 @@ def _value(claim: ClaimFile, estimator: str | None, result: dict[str, Any]) -> f
     if value is None and estimator == claim.ours:
         # such as `withheld_max_m`, which is of the whole run
         value = _figure(condition, claim.key)
-    if value is None or claim.over is None:
-        return value
-    base = _figure(condition["estimators"].get(claim.over), claim.key)
-    return None if base is None else value / base
+    return value
 
 
 def _figure(figures: Any, key: str) -> float | None:

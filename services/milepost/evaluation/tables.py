@@ -53,8 +53,10 @@ def row_cells(row: Row) -> tuple[str, ...]:
 
 
 def spread_shown(spread: Spread | None) -> str:
-    """The median, and the worst in brackets; a dash where there is no such figure."""
-    return "-" if spread is None else with_worst(spread.median, spread.worst)
+    """The median or what was pooled, and the worst in brackets; a dash where there is no such figure."""
+    if spread is None:
+        return "-"
+    return with_worst(spread.median if spread.pooled is None else spread.pooled, spread.worst)
 
 
 def with_worst(median: Any, worst: Any) -> str:

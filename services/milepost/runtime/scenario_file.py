@@ -48,8 +48,8 @@ class ClaimFile(BaseModel):
     """What a source says of itself, and what Milepost has to reach: the figure `key` of the estimator `ours`.
 
     `key`: a figure's name, with `.` into a map (`gap_error_m.30`). `over`: the figure divided by this estimator's, seed by
-    seed. `of`: what of all seeds the target is held against. `why`: said where the target is not met. Without a target the
-    figure is shown and not judged.
+    seed. `of`: what of all seeds the target is held against; `pooled`: their root mean square, divided by that of `over`.
+    `why`: said where the target is not met. Without a target the figure is shown and not judged.
     """
 
     model_config = STRICT
@@ -59,7 +59,7 @@ class ClaimFile(BaseModel):
     label: str = ""
     at_most: float | None = None
     at_least: float | None = None
-    of: Literal["median", "worst"] = "median"
+    of: Literal["median", "worst", "pooled"] = "median"
     over: Name | None = None
     variant: Name | None = None
     ours: Name = "fused"
