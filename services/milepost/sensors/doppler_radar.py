@@ -2,47 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any
-
-from milepost.estimation.layout import PrivateState
-
-from .base import Belief, Measured, Observed, PeriodicSource, Sensor, Source, World
-from .radar_beam import Beam, Radar, RadarOptions, observe_radar
+from .base import Measured, PeriodicSource, Source, World
+from .radar_beam import Beam, Radar, RadarOptions, RadarSensor
 
 
 class DopplerRadarOptions(RadarOptions):
     """One beam, forward: its mounting pitch is part of its scale, δ tan θ (1.7 % for 1° at 45°)."""
 
 
-class DopplerRadar(Sensor[DopplerRadarOptions]):
+class DopplerRadar(RadarSensor[DopplerRadarOptions]):
     """z = v (cos δ + tan θ sin δ)/(1 + κ) + e, e ~ N(0, R) white. Source: A (10), D (3); see `radar_beam`.
 
     The scale that a filter learns is (1 + κ)/(1 + δ tan θ) - 1.
     """
 
     kind = "doppler_radar"
-    stream = "speed_reading"
     options_model = DopplerRadarOptions
-
-    @property
-    def private_states(self) -> tuple[PrivateState, ...]:
-        """`scale`, where the options say that it is uncertain."""
-        return () if self.options.scale is None else (self.options.scale,)
-
-    @property
-    def needs_belief(self) -> bool:
-        """For the scale, and for the sign."""
-        return self.options.scale is not None or not self.options.signed
-
-    @property
-    def period_s(self) -> float:
-        """One reading each 1/rate."""
-        return 1.0 / self.options.rate_hz
-
-    def observe(self, reading: Any, belief: Belief | None) -> Sequence[Observed]:
-        """As `observe_radar`."""
-        return observe_radar(reading, belief, self.options.scale, self.options.signed)
 
     def open(self, world: World | None, from_s: float) -> Source:
         """Simulated readings of the world's motion."""

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal, NamedTuple
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from milepost.estimation.track import Line
-from milepost.simulation.noise import BLOCK, MarkovNoise, WhiteNoise, block_rng
+from milepost.simulation.noise import MarkovNoise, UniformNoise, WhiteNoise
 from milepost_schemas.reading import Solution
 
 from .base import Measured, PeriodicSource, World
@@ -89,7 +89,7 @@ class SimulatedReceiver(PeriodicSource):
         self._sky = MarkovNoise(seed, f"{unit}.satellites", step, 60.0)
         wandering = simulated.wandering
         self._sigma = MarkovNoise(seed, f"{unit}.sigma", step, wandering.time_constant_s if wandering else 1.0)
-        self._chance = Chance(seed, f"{unit}.multipath")
+        self._chance = UniformNoise(seed, f"{unit}.multipath")
 
     def sample(self, index: int, t_s: float) -> Measured | None:
         s, v, _ = self._motion.at(t_s)
@@ -141,22 +141,6 @@ class SimulatedReceiver(PeriodicSource):
         along, across = speed_mps + std * self._white[2][index], std * self._white[3][index]
         course = self._track.heading_deg(position_m) + math.degrees(math.atan2(across, along))
         return {"speed_mps": math.hypot(along, across), "speed_std_mps": std, "course_deg": course % 360.0}
-
-
-class Chance:
-    """Uniform numbers in [0, 1) by index."""
-
-    def __init__(self, seed: int, label: str) -> None:
-        self._seed, self._label = seed, label
-        self._block = -1
-        self._values: list[float] = []
-
-    def __getitem__(self, index: int) -> float:
-        block, place = divmod(index, BLOCK)
-        if block != self._block:
-            self._values = block_rng(self._seed, self._label, block).random(BLOCK).tolist()
-            self._block = block
-        return self._values[place]
 
 
 def left_a_tunnel(line: Line, from_m: float, to_m: float) -> bool:

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Annotated, Any
+from typing import Annotated
 
 from pydantic import Field
 
-from milepost.estimation.layout import PrivateState
-
-from .base import Belief, Measured, Observed, PeriodicSource, Sensor, Source, World
-from .radar_beam import Beam, Radar, RadarOptions, beam_speed, observe_radar
+from .base import Measured, PeriodicSource, Source, World
+from .radar_beam import Beam, Radar, RadarOptions, RadarSensor, beam_speed
 
 
 class JanusRadarOptions(RadarOptions):
@@ -20,7 +17,7 @@ class JanusRadarOptions(RadarOptions):
     scale_std: Annotated[float, Field(ge=0.0, le=0.3)] = 1.5e-4
 
 
-class JanusRadar(Sensor[JanusRadarOptions]):
+class JanusRadar(RadarSensor[JanusRadarOptions]):
     """z = (z_f + z_b)/2 = (v cos δ + w sin δ)/(1 + κ) + e, R = (R_f + R_b)/4; one beam where the other hears nothing.
 
     One beam alone lets pitch δ and vertical speed w in: its reading says R + `leak_variance`. The device knows its mounting
@@ -28,27 +25,7 @@ class JanusRadar(Sensor[JanusRadarOptions]):
     """
 
     kind = "janus_radar"
-    stream = "speed_reading"
     options_model = JanusRadarOptions
-
-    @property
-    def private_states(self) -> tuple[PrivateState, ...]:
-        """`scale`, where the options say that it is uncertain."""
-        return () if self.options.scale is None else (self.options.scale,)
-
-    @property
-    def needs_belief(self) -> bool:
-        """For the scale, and for the sign."""
-        return self.options.scale is not None or not self.options.signed
-
-    @property
-    def period_s(self) -> float:
-        """One reading each 1/rate."""
-        return 1.0 / self.options.rate_hz
-
-    def observe(self, reading: Any, belief: Belief | None) -> Sequence[Observed]:
-        """As `observe_radar`; how many beams were heard is in the reading's variance."""
-        return observe_radar(reading, belief, self.options.scale, self.options.signed)
 
     def open(self, world: World | None, from_s: float) -> Source:
         """Simulated readings of the world's motion."""

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeVar
 
 from pydantic import Field
 
 from milepost.estimation.layout import PrivateState
 from milepost.simulation.noise import MarkovNoise, WhiteNoise
 
-from .base import Belief, Observed, Span, World
+from .base import Belief, Observed, Sensor, Span, World
 from .dropouts import Dropouts, within
 from .scale import ScaleOptions, TrueScale, scaled_speed
 
@@ -151,19 +151,42 @@ class Radar:
         return {"speed_mps": shown if self._options.signed else abs(shown), "speed_variance_m2ps2": variance}
 
 
-def observe_radar(reading: Any, belief: Belief | None, scale: PrivateState | None, signed: bool) -> Sequence[Observed]:
-    """A radar's reading: h = [0, 1, 0], or that of `scaled_speed` where the scale is unknown.
+R = TypeVar("R", bound=RadarOptions)
+
+
+class RadarSensor(Sensor[R]):
+    """What radars of one or two beams have in common as sensors: h = [0, 1, 0], or `scaled_speed`'s row with a scale.
 
     Without a sign, z = ±|v|: the belief decides where one sign is far less likely (z |v̂| > 3.8 (P_vv + R)); where it
     cannot, z = 0 with the variance R + z², which holds both.
     """
-    z, R = reading.speed_mps, reading.speed_variance_m2ps2
-    if z is None:
-        return ()
-    if not signed:
-        v, P_vv = (0.0, 0.0) if belief is None else (float(belief.mean[1]), float(belief.covariance[1, 1]))
-        decided = abs(z * v) > DECIDED * (P_vv + R)
-        z, R = (math.copysign(z, v), R) if decided else (0.0, R + z * z)
-    if scale is None:
-        return (Observed((0.0, 1.0, 0.0), z, R),)
-    return (scaled_speed(z, R, belief, scale),)
+
+    stream = "speed_reading"
+
+    @property
+    def private_states(self) -> tuple[PrivateState, ...]:
+        """`scale`, where the options say that it is uncertain."""
+        return () if self.options.scale is None else (self.options.scale,)
+
+    @property
+    def needs_belief(self) -> bool:
+        """For the scale, and for the sign."""
+        return self.options.scale is not None or not self.options.signed
+
+    @property
+    def period_s(self) -> float:
+        """One reading each 1/rate."""
+        return 1.0 / self.options.rate_hz
+
+    def observe(self, reading: Any, belief: Belief | None) -> Sequence[Observed]:
+        """One row."""
+        z, variance, scale = reading.speed_mps, reading.speed_variance_m2ps2, self.options.scale
+        if z is None:
+            return ()
+        if not self.options.signed:
+            v, P_vv = (0.0, 0.0) if belief is None else (float(belief.mean[1]), float(belief.covariance[1, 1]))
+            decided = abs(z * v) > DECIDED * (P_vv + variance)
+            z, variance = (math.copysign(z, v), variance) if decided else (0.0, variance + z * z)
+        if scale is None:
+            return (Observed((0.0, 1.0, 0.0), z, variance),)
+        return (scaled_speed(z, variance, belief, scale),)

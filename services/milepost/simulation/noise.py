@@ -27,9 +27,19 @@ class WhiteNoise:
     def __getitem__(self, index: int) -> float:
         block, place = divmod(index, BLOCK)
         if block != self._block:
-            self._values = block_rng(self._seed, self._label, block).standard_normal(BLOCK).tolist()
+            self._values = self._draw(block_rng(self._seed, self._label, block)).tolist()
             self._block = block
         return self._values[place]
+
+    def _draw(self, rng: np.random.Generator) -> NDArray[np.float64]:
+        return rng.standard_normal(BLOCK)
+
+
+class UniformNoise(WhiteNoise):
+    """Uniform numbers in [0, 1) by index."""
+
+    def _draw(self, rng: np.random.Generator) -> NDArray[np.float64]:
+        return rng.random(BLOCK)
 
 
 class MarkovNoise:
