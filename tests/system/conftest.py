@@ -138,7 +138,7 @@ def start(train: str, *options: str) -> tuple[Stack, Outside]:
 
 @pytest.fixture(scope="module")
 def maglev() -> Iterator[tuple[Stack, Outside]]:
-    """The default train, running; a test finds it normal and leaves it so."""
+    """The maglev train, running; a test finds it normal and leaves it so."""
     stack, outside = start("deploy/trains/maglev.yaml")
     try:
         outside.wait_state("milepost/v1/maglev-1/state", lambda m: m["status"] == "normal", 40.0, "a normal state")
