@@ -206,10 +206,11 @@ def test_a_receiver_that_restarts_says_what_it_would_have_said(from_s: float) ->
         {"simulated": {"wandering": {"least_m": 2.0, "most_m": 1.0, "time_constant_s": 1.0}}},
         {"simulated": {"outliers": {"probability": 1.5, "factor": 2.0}}},
         {"simulated": {"invented": 1}},
+        {"position_std_m": {"rtk_fixed": 0.1, "fixed": 1.0}},
     ],
 )
 def test_figures_that_lack_or_cannot_be_are_refused(wrong: dict[str, Any]) -> None:
-    with pytest.raises(ValueError, match=r"missing|Input should|below|Extra"):
+    with pytest.raises(ValueError, match=r"missing|Input should|below|Extra|none of"):
         gnss(**wrong)
 
 
@@ -356,6 +357,19 @@ def test_short_coasting_adds_up_unless_rtk_makes_up_for_it() -> None:
     assert judged(*paid).count(None) == 80
     unpaid = [f for k in range(10) for f in (*run(6.0 * k, 6.0 * k + 2.0), *run(6.0 * k + 2.0, 6.0 * k + 6.0, "propagated"))]
     assert judged(*unpaid).count(None) == 8
+
+
+def test_a_fix_that_comes_late_or_twice_does_not_slip_past_the_doubt() -> None:
+    coasted = run(0.0, 6.0, "propagated")
+    proving = run(6.0, 9.0)
+    assert judged(*coasted, *proving, proving[-1], proving[2])[-2:] == ["unproven", "unproven"]
+    # and where it is late among those that are no fixes, it does not begin a proof in the past
+    assert judged(*coasted, SeenFix(3.1, "rtk_fixed", 62.0, 1.0, 0.1)) == ["solution"] * 12 + ["unproven"]
+
+
+def test_a_late_report_of_coasting_does_not_interrupt_a_proof() -> None:
+    proof = judged(*run(0.0, 6.0, "propagated"), *run(6.0, 9.0), *run(5.0, 5.5, "propagated"), *run(9.0, 13.0))
+    assert proof == ["solution"] * 12 + ["unproven"] * 6 + ["solution"] + ["unproven"] * 6 + [None] * 2
 
 
 def test_silence_is_not_coasting_but_interrupts_a_proof() -> None:

@@ -68,8 +68,8 @@ class FixMonitor:
     smoothly and in runs of up to four seconds; true RTK comes back to stay. So after `coasting_s` of coasting, in one piece
     or several, RTK counts only once it was sound for `proof_s` at a stretch. Sound: near the track, along it, and moving as
     a train can. A stand-alone solution claims little and proves nothing: it counts or not by its satellites and its
-    distance from the track. Silence is not coasting. Times must increase; a fix that is not later than the last is judged
-    by itself alone.
+    distance from the track. Silence is not coasting. A fix that is not later than the last teaches nothing: it is judged by
+    itself and by the credit that the receiver has.
     Source: C, its satellite monitor, whose verdict is one of several here; the rest is ours, from recorded logs.
     """
 
@@ -84,14 +84,19 @@ class FixMonitor:
 
     def judge(self, fix: SeenFix) -> Verdict:
         """The verdict on the next fix."""
-        since_s = 0.0 if self._heard_s is None else min(max(fix.t_s - self._heard_s, 0.0), GAP_S)
-        self._heard_s = fix.t_s if self._heard_s is None else max(fix.t_s, self._heard_s)
+        late = self._heard_s is not None and fix.t_s <= self._heard_s
+        since_s = 0.0 if late or self._heard_s is None else min(fix.t_s - self._heard_s, GAP_S)
+        self._heard_s = self._heard_s if late else fix.t_s
         if fix.solution not in self._known:
-            self._coast(since_s)
+            if not late:
+                self._coast(since_s)
             return Verdict("solution")
         reason = self._unsound(fix)
-        if self._last is None or fix.t_s > self._last.t_s:
+        if not late:
             reason = self._remember(fix, reason, since_s)
+        elif self.suspect and fix.solution in RTK:
+            # also one that was refused before and comes again
+            reason = reason or "unproven"
         if reason is not None:
             return Verdict(reason)
         few = fix.solution == "single" and fix.satellites is not None and fix.satellites <= self._limits.alone_above

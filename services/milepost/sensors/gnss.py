@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Annotated
+from typing import Annotated, get_args
 
 from pydantic import BeforeValidator, Field, model_validator
 
@@ -14,6 +14,7 @@ from milepost.estimation.notice import Notice
 from milepost.estimation.track import Track
 from milepost.simulation.recording import SOLUTIONS
 from milepost_schemas import PositionReading
+from milepost_schemas.reading import Solution
 
 from .base import Belief, Observed, Sensor, SensorOptions, Source, World
 from .column_options import RecordingOptions
@@ -82,6 +83,10 @@ class GnssOptions(SensorOptions):
         if self.source == "simulation":
             wanted[self.simulated.solution] = 0.0
             wanted |= {self.simulated.recovering: 0.0} if self.simulated.recovery_s else {}
+        known = get_args(Solution)
+        for solution in self.position_std_m:
+            if solution not in known:
+                raise ValueError(f"position_std_m: {solution} is none of {', '.join(known)}")
         for solution in wanted:
             if solution not in self.position_std_m:
                 raise ValueError(f"position_std_m: {solution} is missing")
