@@ -170,6 +170,24 @@ def test_a_missed_crossing_makes_one_reading_say_one_pitch_too_few() -> None:
     assert short.sum() == pytest.approx(200, abs=4.0 * math.sqrt(198.0))
 
 
+@pytest.mark.parametrize("seen", [100, 250, 299, 301, 3000, 10**9])
+def test_however_many_pulses_there_were_some_were_missed(seen: int) -> None:
+    """Negative binomial, q = 0.1: n = m/0.9, variance m 0.1/0.81, whether summed or taken as normal."""
+    n = pitches(seen, None, 0.0, 0.0, Faults(0.1, 0, 0.0))
+    assert n.mean == pytest.approx(seen / 0.9, rel=1e-6)
+    assert n.variance == pytest.approx(seen * 0.1 / 0.81, rel=1e-4)
+
+
+@pytest.mark.parametrize("seen", [299, 301])
+def test_a_belief_counts_the_same_on_both_sides_of_many(seen: int) -> None:
+    """Prior variance 37, the belief's 4: n is nearly what was expected, with a little less than 4."""
+    n = pitches(seen, seen / 0.9 + 6.0, 4.0, 0.0, Faults(0.1, 0, 0.0))
+    assert n.mean == pytest.approx(seen / 0.9 + 6.0 * 37.0 / 41.0, abs=0.1)
+    assert n.variance == pytest.approx(37.0 * 4.0 / 41.0, abs=0.15)
+    wrong = pitches(seen, 1000.0, 4.0, 0.0, Faults(0.1, 0, 0.0))
+    assert wrong.mean == pytest.approx(seen / 0.9, abs=0.5)
+
+
 def test_a_belief_that_knows_the_speed_decides_how_many_pitches_there_were() -> None:
     """Two pulses seen where 3.02 ± 0.1 pitches were expected: three. With σ = 0.1 and r = 0, against two:
 

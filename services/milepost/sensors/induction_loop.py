@@ -30,7 +30,7 @@ class InductionLoopOptions(SensorOptions):
 
     rate_hz: Annotated[float, Field(gt=0.0, le=1000.0)] = 100.0
     phase_s: Annotated[float, Field(ge=0.0, lt=1.0)] = 0.0
-    pitch_m: Annotated[float, Field(gt=0.0)] = 0.1
+    pitch_m: Annotated[float, Field(ge=1e-3)] = 0.1
     pitch_std_m: Annotated[float, Field(gt=0.0)] = 0.00224
     missed_probability: Annotated[float, Field(ge=0.0, le=0.1)] = 0.0
     joint_every_m: Annotated[float, Field(gt=0.0)] | None = None

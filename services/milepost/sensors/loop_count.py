@@ -9,7 +9,10 @@ from typing import NamedTuple
 BELIEF_WRONG = 1e-5
 # misses beyond what this share of readings has are not considered
 RAREST = 1e-9
-MOST_MISSED = 12
+# with more missed than this on average, their number is as good as normal
+MANY = 30.0
+# a belief so many standard deviations off does not count then
+WRONG_SIGMAS = 5.0
 
 
 class Faults(NamedTuple):
@@ -36,16 +39,20 @@ def pitches(seen: int, expected: float | None, expected_variance: float, pitch_r
     one that is not leaves a variance.
     """
     joint = min(1.0, seen * faults.joint_probability)
+    if seen * faults.missed > MANY:
+        return _many(seen, joint, expected, expected_variance, pitch_ratio_variance, faults)
+    # relative to none missed, so that the weights of many pulses do not vanish
     weights: dict[int, float] = {}
-    for j in range(MOST_MISSED):
-        w = math.comb(seen + j - 1, j) * faults.missed**j * (1.0 - faults.missed) ** seen
-        if w < RAREST:
-            break
+    j, w, largest = 0, 1.0, 1.0
+    while w >= RAREST * largest:
         weights[j] = weights.get(j, 0.0) + (1.0 - joint) * w
         if joint > 0.0:
             for lacking, share in ((-1, 0.25), (0, 0.5), (1, 0.25)):
                 more = max(faults.joint + lacking, 0) + j
                 weights[more] = weights.get(more, 0.0) + joint * share * w
+        j += 1
+        w *= faults.missed * (seen + j - 1) / j
+        largest = max(largest, w)
     if expected is not None:
         for j in weights:
             variance = expected_variance + (seen + j) * pitch_ratio_variance
@@ -54,3 +61,19 @@ def pitches(seen: int, expected: float | None, expected_variance: float, pitch_r
     total = sum(weights.values())
     mean = sum(w * j for j, w in weights.items()) / total
     return Count(seen + mean, sum(w * (j - mean) ** 2 for j, w in weights.items()) / total)
+
+
+def _many(
+    seen: int, joint: float, expected: float | None, expected_variance: float, pitch_ratio_variance: float, faults: Faults
+) -> Count:
+    """The same by moments: n ~ N(m/(1-q) + π J, m q/(1-q)² + π (1-π) J²), times the belief's N(n̂; n, σ² + n r)."""
+    seen_part = 1.0 - faults.missed
+    mean = seen / seen_part + joint * faults.joint
+    variance = seen * faults.missed / seen_part**2 + joint * (1.0 - joint) * faults.joint**2
+    if expected is None:
+        return Count(mean, variance)
+    doubt = expected_variance + mean * pitch_ratio_variance
+    if (expected - mean) ** 2 > WRONG_SIGMAS**2 * (variance + doubt):
+        return Count(mean, variance)
+    gain = variance / (variance + doubt)
+    return Count(mean + gain * (expected - mean), (1.0 - gain) * variance)
