@@ -95,6 +95,16 @@ def test_a_gap_or_an_outage_drops_the_sample_in_the_making() -> None:
     assert learned.correction(40.0)[0] == 0.0
 
 
+def test_a_reading_that_comes_late_and_two_that_never_come_cost_no_sample() -> None:
+    learned, fits = LearnedError(MODEL), 0
+    for k in range(402):
+        if k % 50 in (20, 21):
+            continue
+        at = 0.1 * (k - 15 if k % 50 == 30 else k)
+        fits += learned.learn(at, 0.1, 0.006, 10.0, 1e-6, 0.0)
+    assert fits == int(40.0 // MODEL.window_s)
+
+
 def test_before_it_learned_it_knows_the_data_sheet_alone() -> None:
     assert LearnedError(MODEL).correction(0.0) == (0.0, pytest.approx(MODEL.bias_std**2))
 

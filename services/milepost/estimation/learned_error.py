@@ -9,8 +9,8 @@ import numpy as np
 
 from .layout import Array
 
-# a step longer than this many readings is a gap: what was not measured cannot be integrated
-GAP = 1.5
+# a step longer than this many readings is a gap: what was not measured cannot be integrated; two or three lost ones can be
+GAP = 4.5
 LONGEST_MEMORY_S = 3600.0
 
 
@@ -88,9 +88,14 @@ class LearnedError:
         return np.array([self.model.bias_std, self.model.walk_std * math.sqrt(since), self._psi])
 
     def learn(self, t_s: float, dt_s: float, z: float, speed: float, speed_variance: float, acceleration: float) -> bool:
-        """Take a reading z (mean over `dt_s`, true at `t_s`) beside the fused speed and acceleration; True with a new fit."""
+        """Take a reading z (mean over `dt_s`, true at `t_s`) beside the fused speed and acceleration; True with a new fit.
+
+        One that comes late teaches nothing, and costs nothing either.
+        """
         window, values = self._window, (z, z - acceleration)
-        if window is None or not 0.0 < t_s - window.last_s < GAP * dt_s:
+        if window is not None and t_s <= window.last_s:
+            return False
+        if window is None or t_s - window.last_s >= GAP * dt_s:
             self._window = _Window(t_s, speed, speed_variance, t_s, values)
             return False
         window.add(t_s, values)
