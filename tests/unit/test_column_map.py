@@ -105,6 +105,20 @@ def test_an_empty_cell_is_a_field_that_was_not_said(tmp_path: Path) -> None:
     assert isinstance(second.fields["satellites"], int)
 
 
+def test_a_count_that_is_no_number_is_a_mistake_with_its_place(tmp_path: Path) -> None:
+    columns = {**PLACE, "satellites": {"column": "n"}}
+    path = log(tmp_path, "0,50,0.1,SINGLE,inf", header="t,lat,lon,fix,n")
+    with pytest.raises(ValueError, match=r"line 2: n: inf is not a whole number"):
+        replayed(options(path, columns=columns, constants={}), PositionReading)
+
+
+def test_a_variance_written_as_a_whole_number_shrinks_in_a_mean_too(tmp_path: Path) -> None:
+    path = log(tmp_path, "0,36", "0.25,36", "0.5,36", "0.75,36", "1,36")
+    whole, decimal = (replayed(options(path, constants={"speed_variance_m2ps2": said}, average_s=0.5)) for said in (1, 1.0))
+    assert whole == decimal
+    assert whole[1].fields["speed_variance_m2ps2"] == 0.5
+
+
 INERTIAL = {
     "specific_force_mps2": [
         {"column": "x", "unit": "g"},

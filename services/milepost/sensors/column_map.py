@@ -9,6 +9,7 @@ from itertools import groupby
 from typing import Any, NamedTuple, get_args
 
 from pydantic import ValidationError
+from pydantic.fields import FieldInfo
 
 from milepost.simulation.table import Cell, read_table
 from milepost.simulation.units import factor, unit_of
@@ -77,6 +78,12 @@ def _holds(annotation: Any, kind: type) -> bool:
     return annotation is kind or any(_holds(inner, kind) for inner in get_args(annotation))
 
 
+def _as_field(value: Any, field: FieldInfo) -> Any:
+    """A constant written as a whole number, 1, where the field is a measure: a mean must not take it for a count."""
+    whole = isinstance(value, int) and not isinstance(value, bool)
+    return float(value) if whole and _holds(field.annotation, float) else value
+
+
 def _word(values: Mapping[str, Any], text: str) -> Any:
     word = text.strip()
     if word in values:
@@ -96,7 +103,7 @@ def _number(scale: float, text: str) -> float:
 
 def _count(text: str) -> int:
     value = float(text)
-    if value != int(value):
+    if not math.isfinite(value) or value != int(value):
         raise ValueError(f"{text} is not a whole number")
     return int(value)
 
@@ -112,6 +119,7 @@ class CsvSource:
     def __init__(self, options: RecordingOptions, message: type[Message], from_s: float) -> None:
         check_map(options, message)
         self._options = options
+        self._constants = {name: _as_field(value, message.model_fields[name]) for name, value in options.constants.items()}
         self._from_s = max(from_s, 0.0)
         self._vectors = {name: len(columns) for name, columns in options.columns.items() if isinstance(columns, list)}
         self._intervals = [name for name in INTERVALS if name in message.model_fields and name not in options.columns]
@@ -171,7 +179,7 @@ class CsvSource:
         for name, size in self._vectors.items():
             parts = [values.pop(f"{name}.{number}") for number in range(size)]
             values[name] = None if None in parts else parts
-        return self._options.constants | {name: value for name, value in values.items() if value is not None}
+        return self._constants | {name: value for name, value in values.items() if value is not None}
 
     def _averaged(self, rows: Iterator[Recorded], average_s: float) -> Iterator[Recorded]:
         # a row on the boundary belongs to the window that it ends
