@@ -13,8 +13,8 @@ import pytest
 
 from examples import head, sensor, straight_line
 from milepost.estimation.estimator import Prior
+from milepost.estimation.filters import FILTERS
 from milepost.estimation.filters.base import FilterSetup
-from milepost.estimation.filters.kalman import KalmanFilter, KalmanOptions
 from milepost.estimation.layout import Layout
 from milepost.nodes.filter import FilterNode
 from milepost.runtime.kept import WRITE_EVERY_NS, Keeper, keeper_for
@@ -105,11 +105,12 @@ def test_what_was_spoilt_on_disk_is_no_calibration(kept: bytes) -> None:
 # in a filter -------------------------------------------------------------------------------------------------------------
 
 
-def node(told_m: float = 0.81) -> FilterNode:
+def node(told_m: float = 0.81, kind: str = "kalman") -> FilterNode:
     odometer = sensor("odometer", straight_line(), "odo", diameter_m=told_m, scale_std=0.06)
     layout = Layout((("odo", odometer.private_states),))
     prior = Prior(np.array([0.0, 20.0, 0.0]), np.array([1.0, 1.0, 0.1]))
-    local = KalmanFilter(FilterSetup(layout, 1e-3, prior, 5 * 10**9), KalmanOptions())
+    row = FILTERS[kind]
+    local = row(FilterSetup(layout, 1e-3, prior, 5 * 10**9), row.options_model())
     return FilterNode("metro-1", "a1b2c3d4", odometer, local, 0, True)
 
 
@@ -138,6 +139,15 @@ def test_a_kept_calibration_enters_with_the_first_reading_and_never_again() -> N
     assert len(second.observations) == 1
     assert first.belief.mean[3] == pytest.approx(0.0568, abs=1e-3)
     assert first.belief.covariance[3][3] ** 0.5 < 8e-4
+
+
+@pytest.mark.parametrize("kind", sorted(FILTERS))
+def test_a_kept_calibration_enters_as_it_is_whatever_the_filter_makes_of_readings(kind: str) -> None:
+    cold = node(kind=kind)
+    list(cold.recall(to_bytes(KEPT), NOW))
+    plain = node()
+    list(plain.recall(to_bytes(KEPT), NOW))
+    assert take(cold, 1).observations[1] == take(plain, 1).observations[1]
 
 
 def test_a_bad_file_is_an_event_and_the_prior_stands() -> None:

@@ -131,20 +131,22 @@ class Estimator:
 
         mean (n), covariance (n, n) over [s, v, a, own private]; or over [s, v, a] alone, from a rule that does not fuse
         private states: these are then conditioned on it from the belief at the epoch. Older feedback than the last one is
-        superseded and changes nothing: returns False.
+        superseded and changes nothing: returns False. Raises ValueError for a share outside (0, 1] and a singular covariance.
         Source: A (15)-(17); the conditioning of private states is ours (see `gaussian.inflate_common`).
         """
         base_ns = self._timeline.base_ns
         if base_ns is not None and at_ns <= base_ns:
             return False
-        if share != self._share:
-            self._share = share
-            self._timeline.kernel = self._kernels(self.layout, self._jerk_psd / share)
+        check_share(share)
         if len(mean) < self.layout.dimension:
             before = self.state_at(at_ns) or self.layout.prior(self._prior.mean, self._prior.std)
             mean, covariance = replace_common(*before, np.array(mean), np.array(covariance))
-        check_share(share)
-        self._timeline.rebase(at_ns, self._kernel.shared(mean, covariance, share))
+        # everything that can fail is done before anything changes
+        state = self._kernel.shared(mean, covariance, share)
+        if share != self._share:
+            self._share = share
+            self._timeline.kernel = self._kernels(self.layout, self._jerk_psd / share)
+        self._timeline.rebase(at_ns, state)
         return True
 
     @property

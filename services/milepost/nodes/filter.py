@@ -5,6 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
+import numpy as np
+from pydantic import ValidationError
+
 from milepost.estimation.filters.base import LocalFilter
 from milepost.estimation.layout import N_COMMON
 from milepost.estimation.timeline import FUTURE_NS, Observation
@@ -16,6 +19,9 @@ from .observations import as_fields, of_reading
 
 # dividing by less would only make numbers that overflow
 LEAST_SHARE = 1e-6
+# a message may be sound by itself and yet be nothing to reckon with: no train is there, and the process must outlive it
+FARTHEST_MEAN, LARGEST_VARIANCE = 1e9, 1e15
+UNUSABLE = (ArithmeticError, np.linalg.LinAlgError, ValidationError)
 
 
 class FilterNode(Node):
@@ -84,22 +90,32 @@ class FilterNode(Node):
         if reason is not None:
             yield from self.refuse_reading(self.unit, reading.sequence, reading.instance, reason, now_ns)
             return
-        belief = estimator.belief_at(reading.measured_at_ns) if self._needs_belief else None
-        observed = self._observer.observe(reading, None if belief is None else Belief(*belief))
-        offered = of_reading(reading, self._order, (*observed, *self._recalled))
-        self._recalled = ()
-        counted, refused = self._filter.take(offered, now_ns)
+        sent = self._sequences.get("estimate", 0)
+        try:
+            estimate, refused = self._estimated(reading, now_ns)
+        except UNUSABLE:
+            # consumers must not take this for a lost message
+            self._sequences["estimate"] = sent
+            estimate, refused = None, ["unusable"]
         for notice in (*self._observer.notices(), *self._filter.notices()):
             yield self.event(*notice, now_ns)
         for reason in refused:
             yield from self.refuse_reading(self.unit, reading.sequence, reading.instance, reason, now_ns)
+        if estimate is not None:
+            yield Output("estimate", self.unit, estimate)
+
+    def _estimated(self, reading: Message, now_ns: int) -> tuple[Estimate | None, list[str]]:
+        """What there is to say after a reading, and why some of its observations do not count. Raises UNUSABLE."""
+        belief = self._estimator.belief_at(reading.measured_at_ns) if self._needs_belief else None
+        observed = self._observer.observe(reading, None if belief is None else Belief(*belief))
+        offered = of_reading(reading, self._order, (*observed, *self._recalled))
+        self._recalled = ()
+        counted, refused = self._filter.take(offered[: len(observed)], now_ns, known=offered[len(observed) :])
         if offered and not counted:
-            return
+            return None, refused
         self._latest_ns = max(self._latest_ns, reading.measured_at_ns)
-        state = estimator.lists_at(self._latest_ns)
-        if state is None:
-            return
-        yield Output("estimate", self.unit, self._estimate(counted, *state, now_ns))
+        state = self._estimator.lists_at(self._latest_ns)
+        return None if state is None else self._estimate(counted, *state, now_ns), refused
 
     def _estimate(self, counted: list[Observation], mean: list[float], covariance: list[list[float]], now_ns: int) -> Estimate:
         # validated in one go from plain lists: half the cost of building each part by itself
@@ -135,6 +151,14 @@ class FilterNode(Node):
         places = [states.index(name) for name in names]
         mean = [feedback.fused.mean[i] for i in places]
         covariance = [[feedback.fused.covariance[i][k] for k in places] for i in places]
-        if self._estimator.accept_feedback(epoch, mean, covariance, share):
+        variances = [row[i] for i, row in enumerate(covariance)]
+        try:
+            if max(map(abs, mean)) > FARTHEST_MEAN or max(variances) > LARGEST_VARIANCE or min(variances[:N_COMMON]) <= 0.0:
+                raise ArithmeticError("out of all bounds")
+            accepted = self._estimator.accept_feedback(epoch, mean, covariance, share)
+        except UNUSABLE as error:
+            yield from self.refuse("unusable", f"feedback of epoch {epoch}: {error}", now_ns)
+            return
+        if accepted:
             self._feedback = feedback
             self._latest_ns = max(self._latest_ns, epoch)

@@ -95,7 +95,8 @@ def run_process(train: Train, role_name: str, unit: str, options: ProcessOptions
             # a process that is a little late still begins at the beginning: the prior belongs to the first reading
             from_s = late_s if late_s > LATE_S else 0.0
             node = role.build(train, unit, Setting(instance, world, start.start_ns, from_s))
-        keeper = keeper_for(node, train.name, options.state_dir)
+        # without feedback nobody could tell a restarted filter that the fused state holds already what it kept
+        keeper = keeper_for(node, train.name, options.state_dir if train.file.fusion.feedback else None)
         if not (node.remembers and _catch_up(bus, node, clock)) and keeper is not None:
             for output in keeper.recall(clock.now_ns()):
                 bus.publish(*output)

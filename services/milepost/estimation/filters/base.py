@@ -58,13 +58,16 @@ class LocalFilter(Generic[O]):
         """What a person should read since the last time it was asked."""
         return []
 
-    def take(self, observations: Sequence[Observation], now_ns: int) -> tuple[list[Observation], list[str]]:
+    def take(
+        self, observations: Sequence[Observation], now_ns: int, known: Sequence[Observation] = ()
+    ) -> tuple[list[Observation], list[str]]:
         """Take a reading's observations into the belief; returns those that the fuser shall count, and why others do not.
 
-        An observation older than the feedback in the belief is `absorbed`: the belief cannot use it, the fuser can.
+        `known` came from elsewhere: it is taken as it is, and no kind learns a sensor's noise from it. An observation older
+        than the feedback in the belief is `absorbed`: the belief cannot use it, the fuser can.
         """
         counted, refused = [], []
-        for observation in self.prepare(observations, now_ns):
+        for observation in (*self.prepare(observations, now_ns), *known):
             reason = self.estimator.insert(observation, now_ns)
             if reason is None or reason == "absorbed":
                 counted.append(observation)
