@@ -4,13 +4,21 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from examples import T0
+from milepost.estimation.estimator import Prior
+from milepost.estimation.layout import COMMON, Layout
 from milepost.estimation.shares import FixedShares, SharesByAccuracy, SharesBySpeed, SpeedRow
 from milepost.estimation.timeline import Observation
+from milepost.estimation.track import Line
+from milepost.nodes.fuser import FuserNode, FuserSettings
 from milepost.nodes.roster import Roster, UnitRow
+from milepost_schemas import Estimate, FusedState, Gaussian
+from milepost_schemas.estimate import LinearObservation
 
 S = 1_000_000_000
 UNITS = ("imu", "gnss", "radar")
@@ -66,3 +74,35 @@ def test_the_roster_counts_what_each_unit_brought_in_the_last_second_against_wha
     at = 10 * S + S // 2
     presence = known.shared(known.at(at, live=True), at, 20.0, (4.0, 0.25, 0.01))
     assert presence.shares == pytest.approx({"gnss": 0.8, "radar": 0.2})
+
+
+def test_a_slow_unit_is_worth_the_same_before_and_after_its_reading() -> None:
+    """One fix in 2 s and two speeds a second: J = 4 m²/1 m² in 2 s against 2 · 0.25/0.25 in one: as much a second."""
+    rows = [UnitRow("gnss", 0, 2 * S, True), UnitRow("radar", 1, S // 2, True)]
+    known = Roster(rows, SharesByAccuracy(), 0)
+    for k in range(20):
+        known.saw(observation("radar", k * S // 2, (0.0, 1.0, 0.0), 0.25), k * S // 2)
+    for k in range(5):
+        known.saw(observation("gnss", 2 * k * S, (1.0, 0.0, 0.0), 1.0), 2 * k * S)
+    for at in (8 * S + S // 4, 9 * S + S // 4):
+        shares = known.shared(known.at(at, live=True), at, 20.0, (4.0, 0.25, 0.01)).shares
+        assert shares == pytest.approx({"gnss": 0.5, "radar": 0.5})
+
+
+def test_settled_states_of_the_sources_rule_go_by_the_same_speed_as_live_ones() -> None:
+    """Below 10 m/s the radar counts alone: at 20 m/s both do, and between 0 m and 10 m the train is at 5 m."""
+    shares = SharesBySpeed((SpeedRow(10.0, {"radar": 1.0}), SpeedRow(math.inf, {"radar": 0.5, "loop": 0.5})))
+    rows = [UnitRow("radar", 0, None, True), UnitRow("loop", 1, None, True)]
+    prior = Prior(np.array([0.0, 20.0, 0.0]), np.ones(3))
+    period = 20_000_000
+    settings = FuserSettings("federated", period, 0, S, False, 1, shares, 5.0, 1e6, 1e-3, prior, Layout(), rows)
+    fuser = FuserNode("t", "f", settings, Line("test-line", 1e4, ()))
+    at = T0 // period * period
+    for unit, position in (("radar", 0.0), ("loop", 10.0)):
+        head = {"train": "t", "unit": unit, "instance": "i", "sequence": 0, "measured_at_ns": at, "published_at_ns": at}
+        belief = Gaussian(states=list(COMMON), mean=[position, 20.0, 0.0], covariance=np.eye(3).tolist())
+        said = {"sensor_instance": "s", "reading_sequence": 0, "measured_at_ns": at, "row": [0.0, 1.0, 0.0]}
+        observation = LinearObservation(**said, value=20.0, variance=1.0)
+        live = [o.message for o in fuser.step(Estimate(**head, belief=belief, observations=[observation]), at)]
+    (settled,) = fuser.settled_states(None)
+    assert [m.position_m for m in live if isinstance(m, FusedState)] == [settled.position_m] == [pytest.approx(5.0)]

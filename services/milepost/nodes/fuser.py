@@ -67,7 +67,7 @@ class FuserNode(Node):
         self._epoch_ns: int | None = None
         self._settled_ns: int | None = None
         # the shares of an epoch go by the speed of the one before it where the rule needs them for its state
-        self._speed_mps = float(settings.prior.mean[1])
+        self._speed_mps = self._settled_speed_mps = float(settings.prior.mean[1])
 
     @property
     def rewinds(self) -> int:
@@ -220,9 +220,10 @@ class FuserNode(Node):
         while self._settled_ns < now_ns - horizon if now_ns is not None else self._settled_ns <= self._latest_ns:
             at = self._settled_ns
             self._settled_ns += period
-            presence = self._roster.at(at, live=False)
+            presence = self._roster.at(at, live=False, speed_mps=self._settled_speed_mps)
             fused = self._rule.state_at(at, presence.shares)
             if fused is not None:
+                self._settled_speed_mps = fused[0][1]
                 presence = self._shared(presence, at, fused)
                 head = {"train": self.train, "unit": self.unit, "instance": "settled", "sequence": at // period}
                 head |= {"measured_at_ns": at, "published_at_ns": at + horizon}

@@ -10,7 +10,7 @@ from milepost.estimation.shares import Shares
 from milepost.estimation.timeline import Observation
 
 STALE_NS = 1_000_000_000
-# how far back a unit's accuracy is looked for
+# how far back a unit's accuracy is looked for; twice its period where that is longer, or a slow unit would seem to know nothing
 LATELY_NS = 1_000_000_000
 KEPT_TIMES = 4096
 
@@ -34,6 +34,10 @@ class _Unit:
     arrived_ns: int = 0
     punctual: bool = True
     gone: set[str] = field(default_factory=set)
+
+    @property
+    def lately_ns(self) -> int:
+        return max(LATELY_NS, 2 * (self.row.period_ns or 0))
 
     def last_at(self, at_ns: int) -> int | None:
         place = bisect_right(self.times, at_ns)
@@ -150,14 +154,14 @@ class Roster:
         return replace(presence, shares=self._shares.at(list(presence.ages_s), speed_mps, information))
 
     def _information(self, unit: str, epoch_ns: int, variances: Sequence[float]) -> float:
-        brought = self._units[unit].brought
-        first = bisect_right(brought, epoch_ns - LATELY_NS, key=lambda b: b[0])
+        brought, lately_ns = self._units[unit].brought, self._units[unit].lately_ns
+        first = bisect_right(brought, epoch_ns - lately_ns, key=lambda b: b[0])
         last = bisect_right(brought, epoch_ns, key=lambda b: b[0])
         ps, pv, pa = variances[:3]
-        return sum(s * ps + v * pv + a * pa for _, s, v, a in brought[first:last])
+        return sum(s * ps + v * pv + a * pa for _, s, v, a in brought[first:last]) * LATELY_NS / lately_ns
 
     def forget(self, before_ns: int) -> None:
         """Drop times that no epoch will ask for; the last one before stays: it tells how old a silent unit is."""
         for unit in self._units.values():
             del unit.times[: max(0, bisect_left(unit.times, before_ns) - 1)]
-            del unit.brought[: bisect_left(unit.brought, before_ns - LATELY_NS, key=lambda b: b[0])]
+            del unit.brought[: bisect_left(unit.brought, before_ns - unit.lately_ns, key=lambda b: b[0])]
