@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 
@@ -158,6 +160,12 @@ def test_before_anything_is_known_the_prior_is_expected():
         (lambda: RobustKalmanOptions(highest=0.1), "highest: must be above lowest"),
         (lambda: RobustKalmanOptions(levels=3), "levels: must lie between"),
         (lambda: RobustKalmanOptions(outlier_share=0.0), "outlier_share: must lie between 0 and 1"),
+        (lambda: RobustKalmanOptions(highest=math.inf), "highest: must be above 0 and finite"),
+        (lambda: RobustKalmanOptions(highest=math.nan), "highest: must be above 0 and finite"),
+        (lambda: RobustKalmanOptions(outlier_ratio=0.1), "outlier_ratio: must be above 1"),
+        (lambda: AdaptiveKalmanOptions(floor=math.inf), "floor: must be above 0 and finite"),
+        (lambda: PuRlsOptions(seed=-1), "seed: must not be below 0"),
+        (lambda: PuRlsOptions(particles=10**9), "particles: must be at most 100"),
     ],
 )
 def test_options_that_mean_nothing_are_refused(options, wrong):

@@ -27,7 +27,10 @@ class HInfinityOptions:
     speed_scale_mps: float | None = None
 
     def __post_init__(self) -> None:
-        positive(self, "gamma", *(f for f in ("position_scale_m", "speed_scale_mps") if getattr(self, f) is not None))
+        # γ → ∞ is the Kalman filter
+        if not self.gamma > 0.0:
+            raise ValueError("gamma: must be above 0")
+        positive(self, *(f for f in ("position_scale_m", "speed_scale_mps") if getattr(self, f) is not None))
 
 
 class HInfinityFilter(LocalFilter[HInfinityOptions]):

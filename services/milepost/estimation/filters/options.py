@@ -2,14 +2,22 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 
 def positive(options: Any, *names: str) -> None:
-    """Raises ValueError for a field that is not above 0."""
+    """Raises ValueError for a field that is not above 0, or has no end."""
     for name in names:
-        if not getattr(options, name) > 0.0:
-            raise ValueError(f"{name}: must be above 0")
+        if not 0.0 < getattr(options, name) < math.inf:
+            raise ValueError(f"{name}: must be above 0 and finite")
+
+
+def at_most(options: Any, **limits: float) -> None:
+    """Raises ValueError for a field above its limit: what a step may cost is bounded."""
+    for name, limit in limits.items():
+        if getattr(options, name) > limit:
+            raise ValueError(f"{name}: must be at most {limit:g}")
 
 
 def fraction(options: Any, *names: str) -> None:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from ..pu_rls import ErrorModel, SwarmTunedSmoother, Tuning
 from ..timeline import Observation
-from .options import fraction, positive
+from .options import at_most, fraction, positive
 from .prefilter import PreFilter, Smoother
 
 
@@ -25,6 +25,9 @@ class PuRlsOptions:
 
     def __post_init__(self) -> None:
         positive(self, "memory", "degrees", "particles", "generations", "every")
+        at_most(self, particles=100, generations=100)
+        if self.seed < 0:
+            raise ValueError("seed: must not be below 0")
         fraction(self, "longest")
         if not self.longest > 0.7:
             raise ValueError("longest: must be above 0.7")

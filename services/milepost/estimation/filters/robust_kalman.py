@@ -31,8 +31,10 @@ class RobustKalmanOptions:
     outlier_ratio: float = 10.0
 
     def __post_init__(self) -> None:
-        positive(self, "lowest", "time_constant_s", "spread", "outlier_ratio")
+        positive(self, "lowest", "highest", "time_constant_s", "spread")
         fraction(self, "outlier_share")
+        if not 1.0 < self.outlier_ratio < math.inf:
+            raise ValueError("outlier_ratio: must be above 1 and finite")
         if self.highest <= self.lowest:
             raise ValueError("highest: must be above lowest")
         if not 4 <= self.levels <= 200:
