@@ -213,6 +213,10 @@ def test_a_mistake_that_a_worker_finds_is_still_one_line(tmp_path):
     [
         ({"scores": {"positon_max_m": None}}, "scores.positon_max_m: 'positon_max_m' is none of position_mean_m"),
         ({"scores": {"refresh_hz": {"within": "nowhere"}}}, "scores.refresh_hz.within: 'nowhere' is none of the windows"),
+        ({"scores": {"refresh_hz": {"within": [1]}}}, "scores.refresh_hz.within: [1] is none of the windows"),
+        ({"scores": {"refresh_hz": {"estimator": {}}}}, "scores.refresh_hz.estimator: {} is none of"),
+        ({"scores": {"diameter_error_percent_at_m": {"unit": "radar", "at_m": [1.0]}}}, ".unit: radar is no odometer of"),
+        ({"estimators": {"centralised": {}}}, "estimators.centralised: is what one of our own is called"),
         ({"scores": {"refresh_hz": {"unit": "radar"}}}, "scores.refresh_hz.unit: unknown key"),
         ({"scores": {"refresh_hz": {"within": "w"}}, "windows": {"w": "creep"}}, "the wheels of this world do not creep"),
         ({"windows": {"late": [[2.0, 1.0]]}}, "windows.late.0"),

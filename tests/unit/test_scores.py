@@ -79,6 +79,7 @@ def test_the_rate_counts_intervals_between_states_and_the_gap_is_the_longest():
 
 
 def test_the_error_over_a_gap_is_the_growth_not_the_size():
+    assert figure("gap_error_m", trace([5.0, 7.0], [0.0] * 2), gaps={"2": [0.5, 2.5], "1": [-0.5, 0.5]}) == {}
     grown = figure("gap_error_m", trace([5.0, 5.0, 7.0, 4.0], [0.0] * 4), gaps={"1": [1.0, 2.0], "2": [1.0, 3.0]})
     assert grown == {"1": 2.0, "2": 1.0}
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 
@@ -13,9 +13,10 @@ from milepost.runtime.config import Train, load_scenario, load_train
 from milepost.runtime.scenario_file import Builtin, ScenarioFile, VariantFile, Window
 from milepost.runtime.yaml_files import ConfigError, merged, validate
 from milepost.sensors.base import World
+from milepost.sensors.odometer import Odometer
 from milepost.simulation.recording import RecordedFix
 
-from .scores import BASIC, SCORES, Figure, Score
+from .scores import BASIC, SCORES, Figure, Score, UnitOptions
 from .summary import OF_THE_RUN
 from .trace import Trace
 from .withheld import withheld_fixes
@@ -105,6 +106,8 @@ def _case(path: Path, scenario: ScenarioFile, seed: int, name: str, variant: Var
     rivals = {}
     if "federated" in compare:
         rivals["federated"] = _train(path, scenario, [*common, {"fusion": {"rule": "federated"}}], f"{place}change")
+    for taken in scenario.estimators.keys() & {*get_args(Builtin), *(f"{unit}_only" for unit in scenario.alone)}:
+        raise ConfigError(path, f"estimators.{taken}", "is what one of our own is called")
     for chosen in scenario.estimators if variant.estimators is None else variant.estimators:
         if chosen not in scenario.estimators:
             raise ConfigError(path, f"{place}estimators", f"{chosen} is not among the scenario's estimators")
@@ -122,6 +125,8 @@ def _case(path: Path, scenario: ScenarioFile, seed: int, name: str, variant: Var
     for each in asked:
         if each.window == "creep" and (train.file.world is None or train.file.world.creep is None):
             raise ConfigError(path, f"scores.{each.key}.within", "the wheels of this world do not creep")
+        if isinstance(each.options, UnitOptions) and not isinstance(train.sensors.get(each.options.unit), Odometer):
+            raise ConfigError(path, f"scores.{each.key}.unit", f"{each.options.unit} is no odometer of {train.path}")
     return Case(name, train, rivals, tuple(compare), tuple(alone), asked, tuple(fixes))
 
 
@@ -139,13 +144,13 @@ def _asked(path: Path, key: str, told: Mapping[str, Any], scenario: ScenarioFile
     name, within, estimator = str(told.get("score", key)), told.get("within"), told.get("estimator")
     if name not in SCORES:
         raise ConfigError(path, f"scores.{key}", f"{name!r} is none of {', '.join(SCORES)}")
-    if within is not None and within not in windows:
+    if within is not None and str(within) not in windows:
         raise ConfigError(path, f"scores.{key}.within", f"{within!r} is none of the windows")
-    if estimator is not None and estimator not in scenario.estimators:
+    if estimator is not None and str(estimator) not in scenario.estimators:
         raise ConfigError(path, f"scores.{key}.estimator", f"{estimator!r} is none of the scenario's estimators")
     options = {option: value for option, value in told.items() if option not in ("score", "within", "estimator")}
     row = SCORES[name]
-    window = None if within is None else windows[within]
+    window = None if within is None else windows[str(within)]
     return Asked(key, row, validate(path, options, row.options, f"scores.{key}"), window, estimator)
 
 

@@ -139,9 +139,11 @@ def _odometer(train: Train, unit: str) -> Any:
 
 
 def gap_error_m(trace: Trace, train: Train, options: GapsOptions) -> dict[str, float]:  # noqa: ARG001
-    """How much the position error grew over each gap: |error at its end - error at its beginning|."""
-    at = np.interp([t for span in options.gaps.values() for t in span], trace.t_s, trace.errors[:, 0]).reshape(-1, 2)
-    return {name: float(abs(end - begin)) for name, (begin, end) in zip(options.gaps, at, strict=True)}
+    """How much the position error grew over each gap in the run: |error at its end - error at its beginning|."""
+    first, last = trace.t_s[0], trace.t_s[-1]
+    gaps = {name: span for name, span in options.gaps.items() if first <= span[0] and span[1] <= last}
+    at = {name: np.interp(span, trace.t_s, trace.errors[:, 0]) for name, span in gaps.items()}
+    return {name: float(abs(end - begin)) for name, (begin, end) in at.items()}
 
 
 def private_at_end(trace: Trace, train: Train, options: StatesOptions) -> list[float] | None:  # noqa: ARG001
