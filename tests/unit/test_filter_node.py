@@ -79,3 +79,10 @@ def test_feedback_that_no_train_can_be_in_is_refused_and_changes_nothing(kind: s
     assert to.refusals.counts == {"unusable": len(counted)}
     (after,) = estimates(to, speed(9, speed_mps=20.0, speed_variance_m2ps2=0.04, interval_s=0.05))
     assert after.feedback_epoch_ns is None
+
+
+def test_a_filter_that_catches_up_tells_its_observer(monkeypatch: pytest.MonkeyPatch) -> None:
+    to, told = node("doppler_radar", "kalman"), []
+    monkeypatch.setattr(to._observer, "restarted", lambda: told.append("restarted"))
+    assert to.catch_up(fed_back(1, to._names, 0.0, np.eye(3).tolist()), T0 + STEP)
+    assert told == ["restarted"]

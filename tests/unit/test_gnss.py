@@ -441,6 +441,15 @@ def test_an_observer_tells_once_that_credit_is_lost_and_once_that_it_is_back() -
     assert counts == [1] * 10 + [0] * 26 + [1] * 24
 
 
+def test_after_a_restart_on_a_running_train_rtk_has_to_prove_itself_and_a_stand_alone_fix_has_not() -> None:
+    again = gnss(position_std_m={"rtk_fixed": 0.1, "single": 3.0}, source="recording").observer()
+    again.restarted()
+    counts = [len(again.observe(fix(s=1000.0 + 10.0 * k, t_s=0.5 * k), None)) for k in range(16)]
+    assert counts == [0] * 12 + [1] * 4
+    again.restarted()
+    assert len(again.observe(fix(s=1200.0, t_s=10.0, solution="single"), None)) == 1
+
+
 def test_poor_sky_widens_the_figure_of_a_stand_alone_fix_but_not_a_stated_one() -> None:
     figures = {"position_std_m": {"single": 3.0}, "source": "recording"}
     poor = fix(solution="single", satellites=6, horizontal_std_m=4.0)

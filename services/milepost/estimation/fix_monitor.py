@@ -106,9 +106,10 @@ class FixMonitor:
         self._last, self._last_speed = None, None
         self._debt_s += since_s
         if self._debt_s >= self._limits.coasting_s:
-            self._doubt()
+            self.doubt()
 
-    def _doubt(self) -> None:
+    def doubt(self) -> None:
+        """Let RTK prove itself from here on."""
         self.suspect, self._proof_since_s = True, None
 
     def _unsound(self, fix: SeenFix) -> str | None:
@@ -134,7 +135,7 @@ class FixMonitor:
         if last is None or not whole:
             self._last_speed = None
         elif reason is None and self._jumps(last, fix):
-            self._doubt()
+            self.doubt()
             return "jump"
         if not self.suspect:
             self._debt_s = max(0.0, self._debt_s - since_s)

@@ -79,6 +79,7 @@ class FilterNode(Node):
 
     def catch_up(self, feedback: Feedback, now_ns: int) -> bool:
         """Begin with the fused state and the train file's share, instead of the train file's prior."""
+        self._observer.restarted()
         for _ in self._take_feedback(feedback, self._estimator.share, now_ns):
             return False
         return self._feedback is feedback

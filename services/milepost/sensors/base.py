@@ -90,6 +90,9 @@ class Observer(Protocol):
     def notices(self) -> list[Notice]:
         """What a person should read since the last time it was asked."""
 
+    def restarted(self) -> None:
+        """The filter begins again on a train that runs: what was remembered of the readings is lost."""
+
     @property
     def holds_back(self) -> bool:
         """Whether it lets no reading count for the time being, against the fused state that it must go on hearing."""
@@ -144,6 +147,9 @@ class Sensor(ABC, Generic[O]):
     def notices(self) -> list[Notice]:
         """Nothing: a sensor by itself sees one reading at a time."""
         return []
+
+    def restarted(self) -> None:
+        """Nothing is lost, for the same reason."""
 
     @property
     def holds_back(self) -> bool:

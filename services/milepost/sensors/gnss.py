@@ -159,6 +159,10 @@ class GnssObserver:
         notices, self._notices = self._notices, []
         return notices
 
+    def restarted(self) -> None:
+        """It may have been in the middle of a tunnel: RTK has to prove itself."""
+        self._monitor.doubt()
+
     @property
     def holds_back(self) -> bool:
         """Never: what it takes of a fix does not go by the fused state."""

@@ -50,6 +50,9 @@ class LearningUnit:
         self._trusted = True
         self._notices: list[Notice] = []
 
+    def restarted(self) -> None:
+        """It learns anew: until then a reading is worth what the data sheet says."""
+
     @property
     def holds_back(self) -> bool:
         """No: every reading counts."""

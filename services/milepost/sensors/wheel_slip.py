@@ -64,6 +64,9 @@ class WheelWatch:
         self._stuck = False
         self._too_far_m = 0.0
 
+    def restarted(self) -> None:
+        """A wheel that slips shows so in its first reading, against the fused state."""
+
     @property
     def holds_back(self) -> bool:
         """Whether the wheel slips, or is suspected to."""
