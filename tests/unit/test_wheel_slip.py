@@ -153,3 +153,12 @@ def test_the_diameter_is_reported_each_hundred_metres() -> None:
     notices = [notice for notice in observer.notices() if notice.code == "wheel_diameter"]
     assert len(notices) == 2
     assert notices[0].text == "850.50 mm ± 0.81 at 100.0 m (told 810.0 mm)"
+
+
+def test_a_train_that_stands_on_a_hundred_metre_mark_reports_once() -> None:
+    observer = watch()
+    for i in range(20):
+        see(observer, 0.1 * i, against=belief(4.99 + 0.02 * (i % 2)))
+    for t_s in (9.9, 10.1):
+        see(observer, t_s)
+    assert [notice.code for notice in observer.notices()] == ["wheel_diameter"] * 2

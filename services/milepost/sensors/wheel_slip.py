@@ -54,6 +54,7 @@ class WheelWatch:
         self._options = options
         self._told_diameter_m = told_diameter_m
         self._notices: list[Notice] = []
+        self._mark: int | None = None
         self._reported: int | None = None
         self._grip()
 
@@ -127,9 +128,14 @@ class WheelWatch:
     def _report_diameter(self, belief: Belief) -> None:
         position, k = float(belief.mean[0]), float(belief.mean[SCALE])
         mark = math.floor(position / self._options.report_every_m)
-        before, self._reported = self._reported, mark
+        before, self._mark = self._mark, mark
         if before is None or before == mark:
             return
+        passed = max(before, mark)
+        # a train that stands on a mark passes it for ever in what is believed of it
+        if passed == self._reported:
+            return
+        self._reported = passed
         diameter_mm = 1e3 * self._told_diameter_m * (1.0 + k)
         std_mm = 1e3 * self._told_diameter_m * math.sqrt(float(belief.covariance[SCALE, SCALE]))
         text = f"{diameter_mm:.2f} mm ± {std_mm:.2f} at {position:.1f} m (told {1e3 * self._told_diameter_m:.1f} mm)"
