@@ -106,3 +106,15 @@ def test_settled_states_of_the_sources_rule_go_by_the_same_speed_as_live_ones() 
         live = [o.message for o in fuser.step(Estimate(**head, belief=belief, observations=[observation]), at)]
     (settled,) = fuser.settled_states(None)
     assert [m.position_m for m in live if isinstance(m, FusedState)] == [settled.position_m] == [pytest.approx(5.0)]
+
+
+def test_before_anything_was_fused_all_share_evenly_and_then_by_what_the_last_state_knew() -> None:
+    """The sources' rule needs shares for its state: those of the epoch before, J = 8 to 2 as above."""
+    known = Roster([UnitRow("gnss", 0, S, True), UnitRow("radar", 1, S, True)], SharesByAccuracy(), 0)
+    for k in range(4):
+        known.saw(observation("radar", 10 * S + k, (0.0, 1.0, 0.0), 0.5), 10 * S)
+    for k in range(2):
+        known.saw(observation("gnss", 10 * S + k, (1.0, 0.0, 0.0, 1.0), 1.0), 10 * S)
+    at = 10 * S + S // 2
+    assert known.at(at, True).shares == pytest.approx({"gnss": 0.5, "radar": 0.5})
+    assert known.at(at, True, 20.0, (4.0, 0.25, 0.01)).shares == pytest.approx({"gnss": 0.8, "radar": 0.2})

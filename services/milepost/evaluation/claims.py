@@ -84,7 +84,7 @@ def _spread(claim: ClaimFile, estimator: str | None, results: Sequence[dict[str,
     values = [_value(claim, estimator, result) for result in results]
     bases = [1.0 if claim.over is None else _value(claim, claim.over, result) for result in results]
     pairs = [(value, base) for value, base in zip(values, bases, strict=True) if value is not None and base is not None]
-    if len(pairs) < len(results):
+    if len(pairs) < len(results) or any(base == 0.0 for _, base in pairs):
         return None
     numbers = [value / base for value, base in pairs]
     pooled = float(np.linalg.norm([v for v, _ in pairs]) / np.linalg.norm([b for _, b in pairs]))

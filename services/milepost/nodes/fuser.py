@@ -17,7 +17,7 @@ from milepost_schemas import AbsoluteFix, Estimate, Feedback, FusedState, Gaussi
 
 from .base import Node, Output, Subscription
 from .observations import of_estimate, of_fix
-from .roster import Presence, Roster, UnitRow
+from .roster import UNKNOWN, Roster, UnitRow
 from .state_writer import StateWriter
 
 # an epoch further back than this is not worth sending live
@@ -66,8 +66,8 @@ class FuserNode(Node):
         self._latest_ns = 0
         self._epoch_ns: int | None = None
         self._settled_ns: int | None = None
-        # the shares of an epoch go by the speed of the one before it where the rule needs them for its state
-        self._speed_mps = self._settled_speed_mps = float(settings.prior.mean[1])
+        # the shares of an epoch go by the state of the one before it where the rule needs them for its state
+        self._fused_before = self._settled_before = (float(settings.prior.mean[1]), UNKNOWN)
 
     @property
     def rewinds(self) -> int:
@@ -185,13 +185,13 @@ class FuserNode(Node):
             self._epoch_ns += self._settings.period_ns
 
     def _publish(self, epoch_ns: int, missing: list[str], now_ns: int) -> Iterator[Output]:
-        presence = self._roster.at(epoch_ns, live=True, speed_mps=self._speed_mps)
+        presence = self._roster.at(epoch_ns, True, *self._fused_before)
         fused = self._rule.state_at(epoch_ns, presence.shares)
         earliest = self._earliest_ns
         if fused is None or earliest is None:
             return
-        self._speed_mps = fused[0][1]
-        presence = self._shared(presence, epoch_ns, fused)
+        self._fused_before = speed_and_variances(fused)
+        presence = self._roster.shared(presence, epoch_ns, *self._fused_before)
         head = self.head("state", epoch_ns, now_ns)
         yield Output("state", "", self._writer.write(head, fused, presence, earliest, missing, settled=False))
         if self._settings.feedback and epoch_ns // self._settings.period_ns % self._settings.feedback_every == 0:
@@ -199,10 +199,6 @@ class FuserNode(Node):
             head = self.head("feedback", epoch_ns, now_ns)
             self._feedback = Feedback(**head, fused=body, shares=dict(presence.shares))
             yield Output("feedback", "", self._feedback)
-
-    def _shared(self, presence: Presence, epoch_ns: int, fused: Lists) -> Presence:
-        variances = [fused[1][i][i] for i in range(3)]
-        return self._roster.shared(presence, epoch_ns, fused[0][1], variances)
 
     def settled_states(self, now_ns: int | None) -> Iterator[FusedState]:
         """The states of the epochs that no message can change any more; with None, of all that are left.
@@ -220,11 +216,17 @@ class FuserNode(Node):
         while self._settled_ns < now_ns - horizon if now_ns is not None else self._settled_ns <= self._latest_ns:
             at = self._settled_ns
             self._settled_ns += period
-            presence = self._roster.at(at, live=False, speed_mps=self._settled_speed_mps)
+            presence = self._roster.at(at, False, *self._settled_before)
             fused = self._rule.state_at(at, presence.shares)
             if fused is not None:
-                self._settled_speed_mps = fused[0][1]
-                presence = self._shared(presence, at, fused)
+                self._settled_before = speed_and_variances(fused)
+                presence = self._roster.shared(presence, at, *self._settled_before)
                 head = {"train": self.train, "unit": self.unit, "instance": "settled", "sequence": at // period}
                 head |= {"measured_at_ns": at, "published_at_ns": at + horizon}
                 yield self._writer.write(head, fused, presence, self._earliest_ns, [], settled=True)
+
+
+def speed_and_variances(fused: Lists) -> tuple[float, tuple[float, float, float]]:
+    """What shares go by: the fused speed, and the variances of [s, v, a]."""
+    P = fused[1]
+    return fused[0][1], (P[0][0], P[1][1], P[2][2])

@@ -12,6 +12,8 @@ from milepost.estimation.timeline import Observation
 STALE_NS = 1_000_000_000
 # how far back a unit's accuracy is looked for; twice its period where that is longer, or a slow unit would seem to know nothing
 LATELY_NS = 1_000_000_000
+# before anything was fused nobody is the more accurate
+UNKNOWN = (0.0, 0.0, 0.0)
 KEPT_TIMES = 4096
 
 
@@ -121,8 +123,8 @@ class Roster:
         """An epoch was sent without a unit that it had waited for."""
         self._units[unit].punctual = False
 
-    def at(self, epoch_ns: int, live: bool, speed_mps: float = 0.0) -> Presence:
-        """Who counts at an epoch, with shares at a speed.
+    def at(self, epoch_ns: int, live: bool, speed_mps: float = 0.0, variances: Sequence[float] = UNKNOWN) -> Presence:
+        """Who counts at an epoch, with shares at a speed and at variances of [s, v, a].
 
         Tokens matter only live: a settled state is a function of what was observed.
         """
@@ -144,10 +146,10 @@ class Roster:
                 excluded[name] = "no usable reading" if live and heard else "silent"
             else:
                 ages[name] = (epoch_ns - last) * 1e-9
-        return Presence(ages, self._shares.at(list(ages), speed_mps, {}), excluded)
+        return self.shared(Presence(ages, {}, excluded), epoch_ns, speed_mps, variances)
 
     def shared(self, presence: Presence, epoch_ns: int, speed_mps: float, variances: Sequence[float]) -> Presence:
-        """The same with the shares that go with the fused state: its speed, its variances of [s, v, a]."""
+        """The same with the shares that go with a fused state: its speed, its variances of [s, v, a]."""
         information: dict[str, float] = {}
         if self._shares.by_information:
             information = {unit: self._information(unit, epoch_ns, variances) for unit in presence.ages_s}
