@@ -42,9 +42,14 @@ def learning(**options: Any) -> Any:
 def test_a_unit_that_learns_needs_a_belief_and_one_that_does_not_is_its_own_observer() -> None:
     unit = sensor("imu", LINE, "imu")
     assert unit.observer() is unit
-    assert sensor("imu", LINE, "imu", learn={}).needs_belief
+    assert sensor("imu", LINE, "imu", model_bias=False, learn={}).needs_belief
     with pytest.raises(ValueError, match="trusted_position_std_m"):
-        sensor("imu", LINE, "imu", learn={"trusted_position_std_m": 0.0})
+        sensor("imu", LINE, "imu", model_bias=False, learn={"trusted_position_std_m": 0.0})
+
+
+def test_a_learned_error_and_a_bias_in_the_state_exclude_each_other() -> None:
+    with pytest.raises(ValueError, match="model_bias: false"):
+        sensor("imu", LINE, "imu", learn={})
 
 
 def test_before_it_learned_a_reading_is_worth_what_the_data_sheet_says() -> None:

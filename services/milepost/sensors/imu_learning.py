@@ -8,7 +8,6 @@ from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from milepost.estimation.layout import N_COMMON
 from milepost.estimation.learned_error import ErrorModel, LearnedError, worth
 from milepost.estimation.notice import Notice
 
@@ -39,8 +38,7 @@ class LearnOptions(BaseModel):
 class LearningUnit:
     """Takes the learned error ε̂ off each reading: z - ε̂, and states what ε̂ is worth: R + `worth`(Var ε̂).
 
-    Beside a bias in the state, ε is what that bias leaves: constants larger than its prior; the state's own variance then
-    stands for the rest. Pure: its only time is that of the readings. Source: C 2.1 (13).
+    It stands in for a bias in the state. Pure: its only time is that of the readings. Source: C 2.1 (13).
     """
 
     def __init__(self, observe: Observe, options: LearnOptions, model: ErrorModel) -> None:
@@ -74,15 +72,12 @@ class LearningUnit:
         ((row, z, R),) = seen
         mean, covariance = belief
         P_ss, P_vv = float(covariance[0, 0]), max(float(covariance[1, 1]), LEAST_VARIANCE)
-        has_bias = len(row) > N_COMMON
         if self._trust(P_ss, P_vv, t_s):
-            own = z - float(mean[N_COMMON]) if has_bias else z
-            self._learned.learn(t_s, dt_s, own, float(mean[1]), P_vv, float(mean[2]))
+            self._learned.learn(t_s, dt_s, z, float(mean[1]), P_vv, float(mean[2]))
         else:
             self._learned.pause()
         error, variance = self._learned.correction(t_s)
-        if not has_bias:
-            R += worth(variance, P_ss, P_vv, dt_s, self._options.longest_outage_s)
+        R += worth(variance, P_ss, P_vv, dt_s, self._options.longest_outage_s)
         return (Observed(row, z - error, R),)
 
     def _trust(self, position_variance: float, speed_variance: float, t_s: float) -> bool:
