@@ -7,8 +7,8 @@ class InnovationVariance:
     """R̂ from the innovations: R̂ = mean(e² - c) over the memory, not below a floor.
 
     e = z - h x̂ and c = h P hᵀ of each observation, so that E[e²] = c + R (Mehra 1970; Mohamed and Schwarz 1999 over a
-    window). Each counts (R̂/(R̂ + c))², the information that e² has on R: a badly predicted reading says little about its
-    noise. The mean runs over all observations until there are `memory` of them, then forgets exponentially; it begins with
+    window). Each counts (R/(R + c))², the information that e² has on R, R the greater of R̂ and e² - c: a badly
+    predicted reading says little about its noise, unless it is farther off than the prediction can be. The mean runs over all observations until there are `memory` of them, then forgets exponentially; it begins with
     `start` as if `start_weight` observations had said so. `floor`: R̂ is not below it, because a few small
     innovations must not make a reading certain. Stated is R̂ (n + 2)/n for the effective number n of observations: it
     is itself uncertain, and E[1/R̂] > 1/R.
@@ -29,7 +29,8 @@ class InnovationVariance:
 
     def learn(self, innovation: float, predicted_variance: float) -> None:
         """Take one innovation e of predicted variance c."""
-        R = max(self._mean, self._floor)
+        # a reading that is far off speaks for a greater R, of which it tells more than of the present one
+        R = max(self._mean, self._floor, innovation * innovation - predicted_variance)
         counts = (R / (R + predicted_variance)) ** 2
         self._weight = min(self._weight + counts, self._memory)
         self._mean += (innovation * innovation - predicted_variance - self._mean) * counts / self._weight
