@@ -8,10 +8,11 @@ class InnovationVariance:
 
     e = z - h x̂ and c = h P hᵀ of each observation, so that E[e²] = c + R (Mehra 1970; Mohamed and Schwarz 1999 over a
     window). Each counts (R/(R + c))², the information that e² has on R, R the greater of R̂ and e² - c: a badly
-    predicted reading says little about its noise, unless it is farther off than the prediction can be. The mean runs over all observations until there are `memory` of them, then forgets exponentially; it begins with
-    `start` as if `start_weight` observations had said so. `floor`: R̂ is not below it, because a few small
-    innovations must not make a reading certain. Stated is R̂ (n + 2)/n for the effective number n of observations: it
-    is itself uncertain, and E[1/R̂] > 1/R.
+    predicted reading says little about its noise, unless it is farther off than the prediction can be. The mean runs over
+    all observations until there are `memory` of them, then forgets exponentially; it begins with `start` as if
+    `start_weight` observations had said so. `floor`: R̂ is not below it, because a few small innovations must not make a
+    reading certain. Stated is R̂ (n + 2)/n for the effective number n of observations: it is itself uncertain, and
+    E[1/R̂] > 1/R.
     """
 
     def __init__(self, start: float, memory: int, floor: float, start_weight: float = 4.0) -> None:
