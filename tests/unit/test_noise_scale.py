@@ -18,8 +18,10 @@ STILL = NoiseModel(1.0, 3.0, levels=2, time_constant_s=1e9, outlier_share=1e-12)
 def test_innovation_variance_by_hand():
     estimate = InnovationVariance(2.0, 50, 0.1, start_weight=4.0)
     estimate.learn(3.0, 1.0)
-    # it counts (2/3)² = 4/9; mean = 2 + (9 - 1 - 2) · (4/9)/(4 + 4/9) = 2.6, stated with (n + 2)/n for n = 40/9
-    assert estimate.variance == pytest.approx(2.6 * (40.0 / 9.0 + 2.0) / (40.0 / 9.0))
+    # e² - c = 8 speaks for more than the present 2: it counts (8/9)² = 64/81; mean = 2 + (9 - 1 - 2) · (64/81)/(4 + 64/81)
+    # = 2 + 384/388, stated with (n + 2)/n for n = 388/81
+    n = 388.0 / 81.0
+    assert estimate.variance == pytest.approx((2.0 + 384.0 / 388.0) * (n + 2.0) / n)
 
 
 def test_innovation_variance_comes_to_the_truth_and_follows_it():
