@@ -12,10 +12,12 @@ from .federated import share_out
 class Shares(Protocol):
     """β of the reporting units at a speed (m/s); `information` says how much each brought lately, without a unit.
 
-    `by_information`: whether it looks at that; counting it costs something with every observation.
+    `by_information`: whether it looks at that; counting it costs something with every observation. `follows_state`: whether
+    it looks at either, so that β has to be chosen again once the state is known.
     """
 
     by_information: ClassVar[bool]
+    follows_state: ClassVar[bool]
 
     def at(self, reporting: Sequence[str], speed_mps: float, information: Mapping[str, float]) -> dict[str, float]: ...
 
@@ -25,6 +27,7 @@ class FixedShares:
     """The train file's β for each unit; a silent unit's goes to the others in proportion. Source: A (14)."""
 
     by_information: ClassVar[bool] = False
+    follows_state: ClassVar[bool] = False
     table: Mapping[str, float]
 
     def at(self, reporting: Sequence[str], speed_mps: float, information: Mapping[str, float]) -> dict[str, float]:  # noqa: ARG002
@@ -45,6 +48,7 @@ class SharesBySpeed:
     """β from a table over speed ranges: below 50 km/h, 50 to 150, above, in source B. A silent unit's goes to the others."""
 
     by_information: ClassVar[bool] = False
+    follows_state: ClassVar[bool] = True
     rows: tuple[SpeedRow, ...]
 
     def at(self, reporting: Sequence[str], speed_mps: float, information: Mapping[str, float]) -> dict[str, float]:  # noqa: ARG002
@@ -62,6 +66,7 @@ class SharesByAccuracy:
     """
 
     by_information: ClassVar[bool] = True
+    follows_state: ClassVar[bool] = True
 
     def at(self, reporting: Sequence[str], speed_mps: float, information: Mapping[str, float]) -> dict[str, float]:  # noqa: ARG002
         """The proportions of what was brought."""

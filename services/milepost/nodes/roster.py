@@ -146,14 +146,19 @@ class Roster:
                 excluded[name] = "no usable reading" if live and heard else "silent"
             else:
                 ages[name] = (epoch_ns - last) * 1e-9
-        return self.shared(Presence(ages, {}, excluded), epoch_ns, speed_mps, variances)
+        return Presence(ages, self._shares_of(list(ages), epoch_ns, speed_mps, variances), excluded)
 
     def shared(self, presence: Presence, epoch_ns: int, speed_mps: float, variances: Sequence[float]) -> Presence:
         """The same with the shares that go with a fused state: its speed, its variances of [s, v, a]."""
+        if not self._shares.follows_state:
+            return presence
+        return replace(presence, shares=self._shares_of(list(presence.ages_s), epoch_ns, speed_mps, variances))
+
+    def _shares_of(self, reporting: list[str], epoch_ns: int, speed_mps: float, variances: Sequence[float]) -> dict[str, float]:
         information: dict[str, float] = {}
         if self._shares.by_information:
-            information = {unit: self._information(unit, epoch_ns, variances) for unit in presence.ages_s}
-        return replace(presence, shares=self._shares.at(list(presence.ages_s), speed_mps, information))
+            information = {unit: self._information(unit, epoch_ns, variances) for unit in reporting}
+        return self._shares.at(reporting, speed_mps, information)
 
     def _information(self, unit: str, epoch_ns: int, variances: Sequence[float]) -> float:
         brought, lately_ns = self._units[unit].brought, self._units[unit].lately_ns
