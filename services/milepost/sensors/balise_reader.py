@@ -39,8 +39,7 @@ class BaliseReader(Sensor[BaliseReaderOptions]):
 
     def open(self, world: World | None, from_s: float) -> Source:
         """Simulated passages over the line's balises."""
-        if world is None:
-            raise ValueError(f"{self.unit}: a {self.kind} has no source without a simulated world")
+        world = self.needed(world)
         return _Simulated(self.unit, self.options, world, from_s)
 
 

@@ -164,6 +164,12 @@ class Sensor(ABC, Generic[O]):
             raise ValueError(f"{self.unit}: `source: recording` needs a `recording`")
         return CsvSource(self.options.recording, BY_NAME[self.stream].message, from_s)
 
+    def needed(self, world: World | None) -> World:
+        """The world, without which a simulated sensor has no source. Raises ValueError where there is none."""
+        if world is None:
+            raise ValueError(f"{self.unit}: a {self.kind} has no source without a simulated world")
+        return world
+
     @abstractmethod
     def open(self, world: World | None, from_s: float) -> Source:
         """The readings from scenario time `from_s` on. Raises ValueError where the sensor has no such source."""

@@ -21,8 +21,7 @@ class DopplerRadar(RadarSensor[DopplerRadarOptions]):
 
     def open(self, world: World | None, from_s: float) -> Source:
         """Simulated readings of the world's motion."""
-        if world is None:
-            raise ValueError(f"{self.unit}: a {self.kind} has no source without a simulated world")
+        world = self.needed(world)
         return _Simulated(self.unit, self.options, world, from_s)
 
 

@@ -139,8 +139,7 @@ class Gnss(Sensor[GnssOptions]):
             if options.receiver is None:
                 raise ValueError(f"{self.unit}: `source: receiver` needs a `receiver`")
             return open_receiver(options.receiver, from_s)
-        if world is None:
-            raise ValueError(f"{self.unit}: a {self.kind} has no source without a simulated world")
+        world = self.needed(world)
         figures = Figures(options.position_std_m, options.offset_std_m, options.offset_time_s, options.speed_std_mps)
         return SimulatedReceiver(self.unit, options.rate_hz, figures, options.simulated, world, from_s)
 

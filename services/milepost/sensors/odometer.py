@@ -97,8 +97,7 @@ class Odometer(Sensor[OdometerOptions]):
 
     def open(self, world: World | None, from_s: float) -> Source:
         """Simulated pulses of a wheel that wears and creeps."""
-        if world is None:
-            raise ValueError(f"{self.unit}: a {self.kind} has no source without a simulated world")
+        world = self.needed(world)
         options = self.options
         diameter_m = options.simulated.diameter_m
         if diameter_m is None:
