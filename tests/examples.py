@@ -12,7 +12,7 @@ from pydantic import BaseModel
 
 from milepost.estimation.track import Balise, Line
 from milepost.sensors import SENSORS
-from milepost.sensors.base import World
+from milepost.sensors.base import Measured, Source, World
 from milepost.simulation.motion import Profile, WhiteJerkMotion
 from milepost_schemas import (
     AbsoluteFix,
@@ -235,6 +235,16 @@ def sensor(kind: str, line: Line, unit: str = "unit", **options: Any) -> Any:
     """A sensor of a kind on a line."""
     row = SENSORS[kind]
     return row(unit, row.options_model.model_validate({**options_of(kind), **options}), line)
+
+
+def all_readings(source: Source) -> list[Measured]:
+    """Everything that a source has to say until it ends."""
+    out = []
+    while source.next_s() is not None:
+        measured = source.read()
+        if measured is not None:
+            out.append(measured)
+    return out
 
 
 def straight_line(length_m: float = 10_000.0, every_m: float = 100.0) -> Line:

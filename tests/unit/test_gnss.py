@@ -12,7 +12,7 @@ import numpy as np
 import pyproj
 import pytest
 
-from examples import T0, head, sensor
+from examples import T0, all_readings, head, sensor
 from milepost.estimation.fix_monitor import FixLimits, FixMonitor, SeenFix
 from milepost.estimation.motion import process_noise, transition
 from milepost.estimation.track import Line, Track
@@ -50,13 +50,7 @@ def gnss(on: Line | None = None, **options: Any) -> Any:
 
 
 def said(on: World, from_s: float = 0.0, **options: Any) -> list[Measured]:
-    source = gnss(on.line, **options).source(on, from_s)
-    out = []
-    while source.next_s() is not None:
-        measured = source.read()
-        if measured is not None:
-            out.append(measured)
-    return out
+    return all_readings(gnss(on.line, **options).source(on, from_s))
 
 
 def errors(on: World, measured: list[Measured]) -> Any:

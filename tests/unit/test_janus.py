@@ -9,7 +9,7 @@ import msgpack
 import numpy as np
 import pytest
 
-from examples import T0, sensor, straight_line, world
+from examples import T0, all_readings, sensor, straight_line, world
 from milepost.sensors.base import Belief, Measured, World
 from milepost.sensors.radar_beam import beam_speed
 from milepost_schemas import SpeedReading, decode
@@ -19,13 +19,7 @@ LEVEL = {"speed_variance_m2ps2": QUIET, "scale_std": 0.0}
 
 
 def readings(on: World, **options: Any) -> list[Measured]:
-    source = sensor("janus_radar", on.line, "janus", **options).open(on, 0.0)
-    out = []
-    while source.next_s() is not None:
-        measured = source.read()
-        if measured is not None:
-            out.append(measured)
-    return out
+    return all_readings(sensor("janus_radar", on.line, "janus", **options).open(on, 0.0))
 
 
 def shown(said: list[Measured]) -> np.ndarray:

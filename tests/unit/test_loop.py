@@ -10,7 +10,7 @@ import msgpack
 import numpy as np
 import pytest
 
-from examples import T0, head, sensor, straight_line, world
+from examples import T0, all_readings, head, sensor, straight_line, world
 from milepost.estimation.kalman import predict, update
 from milepost.estimation.layout import Layout
 from milepost.estimation.motion import full_process_noise, full_transition
@@ -23,15 +23,6 @@ from milepost_schemas import SpeedReading, decode
 
 def opened(on: World, from_s: float = 0.0, **options: Any) -> Source:
     return sensor("induction_loop", on.line, **options).open(on, from_s)
-
-
-def readings(source: Source) -> list[Measured]:
-    out = []
-    while source.next_s() is not None:
-        measured = source.read()
-        if measured is not None:
-            out.append(measured)
-    return out
 
 
 def speeds(measured: list[Measured]) -> list[Measured]:
@@ -48,7 +39,7 @@ PITCH, PITCH_STD = 0.1, 0.00224
 @pytest.mark.parametrize("speed", [3.0, 20.0, 47.0])
 def test_the_loop_states_the_variance_of_its_error(speed: float) -> None:
     on = world([(0.0, speed)], end_s=60.0)
-    said = speeds(readings(opened(on)))
+    said = speeds(all_readings(opened(on)))
     assert len(said) > 1000
     squares = []
     for m in said:
@@ -62,7 +53,7 @@ def test_the_loop_states_the_variance_of_its_error(speed: float) -> None:
 
 
 def test_the_loops_variance_at_20_metres_a_second_is_that_of_the_source() -> None:
-    said = speeds(readings(opened(world(end_s=20.0))))
+    said = speeds(all_readings(opened(world(end_s=20.0))))
     variance = np.mean([m.fields["speed_variance_m2ps2"] for m in said])
     assert variance == pytest.approx(0.1, rel=0.02)
 
@@ -72,7 +63,7 @@ def test_the_loops_readings_lie_end_to_end_and_add_up_to_32_centimetres_rms_afte
     errors = []
     for seed in range(30):
         on = world([(0.0, 50.0)], end_s=40.05, seed=seed)
-        said = speeds(readings(opened(on)))
+        said = speeds(all_readings(opened(on)))
         middle, speed = np.array([(m.measured_s, m.fields["speed_mps"]) for m in said]).T
         half = 0.5 * np.array([m.fields["interval_s"] for m in said])
         begin, end = middle - half, middle + half
@@ -88,7 +79,7 @@ def test_the_loops_readings_lie_end_to_end_and_add_up_to_32_centimetres_rms_afte
 def test_the_loop_stamps_a_reading_where_the_speed_is_the_mean_speed() -> None:
     """At 2 m/s² a stamp at the last pulse would be off by a Δt/2, about 0.01 m/s."""
     on = world([(0.0, 5.0), (20.0, 45.0)], end_s=19.0)
-    said = speeds(readings(opened(on, pitch_std_m=1e-9)))
+    said = speeds(all_readings(opened(on, pitch_std_m=1e-9)))
     assert len(said) > 1000
     for m in said:
         assert m.fields["speed_mps"] == pytest.approx(on.motion.at(m.measured_s)[1], abs=1e-5)
@@ -96,7 +87,7 @@ def test_the_loop_stamps_a_reading_where_the_speed_is_the_mean_speed() -> None:
 
 def test_the_loops_silence_is_an_upper_bound_that_falls_and_never_zero_and_ends() -> None:
     on = world([(0.0, 4.0), (8.0, 0.0)], end_s=30.0)
-    said = readings(opened(on, pitch_std_m=1e-9))
+    said = all_readings(opened(on, pitch_std_m=1e-9))
     assert all(m.fields["speed_mps"] > 0.0 for m in speeds(said))
     last = speeds(said)[-1]
     last_pulse = last.measured_s + 0.5 * last.fields["interval_s"]
@@ -115,7 +106,7 @@ def test_the_loops_silence_is_an_upper_bound_that_falls_and_never_zero_and_ends(
 
 
 def test_a_loop_that_starts_at_standstill_says_bounds_and_then_nothing() -> None:
-    said = readings(opened(world([(0.0, 0.0)], end_s=20.0)))
+    said = all_readings(opened(world([(0.0, 0.0)], end_s=20.0)))
     assert speeds(said) == []
     assert bounds(said)
     assert all(m.measured_s + 0.5 * m.fields["interval_s"] <= LONGEST_BOUND_S + 1e-9 for m in said)
@@ -162,7 +153,7 @@ def test_crossings_are_missed_with_their_probability_each_by_itself() -> None:
 
 
 def test_a_missed_crossing_makes_one_reading_say_one_pitch_too_few() -> None:
-    said = speeds(readings(opened(world(end_s=100.0), pitch_std_m=1e-9, missed_probability=0.01)))
+    said = speeds(all_readings(opened(world(end_s=100.0), pitch_std_m=1e-9, missed_probability=0.01)))
     saw, passed = counted(said)
     short = np.round(passed - saw)
     assert np.abs(passed - saw - short).max() < 1e-6
@@ -242,7 +233,7 @@ def run(on: World, **options: Any) -> tuple[float, float]:
     """(position error, NEES of [s, v]) at the end of a run on the loop alone, from a known start."""
     loop, layout, q = sensor("induction_loop", on.line, **options), Layout(), 1e-6
     m, P, at = np.array([0.0, on.motion.at(0.0)[1], 0.0]), np.diag([1e-6, 1e-2, 1e-4]), 0.0
-    for i, said in enumerate(readings(loop.open(on, 0.0))):
+    for i, said in enumerate(all_readings(loop.open(on, 0.0))):
         dt, at = said.measured_s - at, said.measured_s
         if dt > 0.0:
             m, P = predict(m, P, full_transition(dt, layout), full_process_noise(dt, q, layout))
@@ -274,7 +265,7 @@ def test_a_joint_has_no_crossings() -> None:
 
 
 def test_one_antenna_is_silent_over_a_joint_and_the_next_reading_spans_it() -> None:
-    said = speeds(readings(opened(world(end_s=30.0), pitch_std_m=1e-9, **JOINTS)))
+    said = speeds(all_readings(opened(world(end_s=30.0), pitch_std_m=1e-9, **JOINTS)))
     saw, passed = counted(said)
     assert sorted(np.round(passed - saw)) == [0.0] * (len(said) - 11) + [10.0] * 11
 
@@ -288,7 +279,7 @@ def test_a_belief_bridges_a_joint_with_one_antenna() -> None:
 @pytest.mark.parametrize("speed", [2.0, 20.0, 80.0])
 def test_two_antennas_bridge_every_joint_and_no_reading_lacks_a_pitch(speed: float) -> None:
     """0.1 s without a reading is at most what three pulses take, and never as long as the joint."""
-    said = speeds(readings(opened(world([(0.0, speed)], end_s=400.0 / speed), pitch_std_m=1e-9, antennas=2, **JOINTS)))
+    said = speeds(all_readings(opened(world([(0.0, speed)], end_s=400.0 / speed), pitch_std_m=1e-9, antennas=2, **JOINTS)))
     assert len(said) > 100
     assert [m.fields["speed_mps"] for m in said] == pytest.approx([speed] * len(said), rel=1e-5)
     ends = np.array([m.measured_s + 0.5 * m.fields["interval_s"] for m in said])
@@ -299,7 +290,7 @@ def test_two_antennas_bridge_every_joint_and_no_reading_lacks_a_pitch(speed: flo
 def test_a_restarted_loop_misses_what_it_would_have_missed(from_s: float) -> None:
     """None of these times is within a second of a joint, from which an antenna that begins there would not know it comes."""
     on, options = world(end_s=20.0, jerk_psd=1e-6), {"missed_probability": 0.01, "joint_every_m": 110.0, "antennas": 2}
-    whole, late = readings(opened(on, **options)), readings(opened(on, from_s, **options))
+    whole, late = all_readings(opened(on, **options)), all_readings(opened(on, from_s, **options))
     assert late[0].measured_s < from_s + 0.05
     assert late == [m for m in whole if m.measured_s >= late[0].measured_s]
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from examples import T0, head, sensor, straight_line, world
+from examples import T0, all_readings, head, sensor, straight_line, world
 from milepost.sensors.base import Belief, Measured, World
 from milepost.sensors.odometer_device import Wheel
 from milepost_schemas import SpeedReading, decode, encode
@@ -39,13 +39,7 @@ def exact(**options: Any) -> dict[str, Any]:
 
 
 def readings(on: World, **options: Any) -> list[Measured]:
-    source = sensor("odometer", on.line, **options).open(on, 0.0)
-    out = []
-    while source.next_s() is not None:
-        measured = source.read()
-        if measured is not None:
-            out.append(measured)
-    return out
+    return all_readings(sensor("odometer", on.line, **options).open(on, 0.0))
 
 
 def errors(on: World, said: list[Measured]) -> np.ndarray:

@@ -11,7 +11,7 @@ import msgpack
 import numpy as np
 import pytest
 
-from examples import T0, head, sensor, straight_line, world
+from examples import T0, all_readings, head, sensor, straight_line, world
 from milepost.estimation.kalman import predict, update
 from milepost.estimation.layout import Layout, PrivateState
 from milepost.estimation.motion import full_process_noise, full_transition
@@ -25,13 +25,7 @@ QUIET = 1e-18
 
 
 def readings(kind: str, on: World, unit: str = "unit", from_s: float = 0.0, **options: Any) -> list[Measured]:
-    source = sensor(kind, on.line, unit, **options).open(on, from_s)
-    out = []
-    while source.next_s() is not None:
-        measured = source.read()
-        if measured is not None:
-            out.append(measured)
-    return out
+    return all_readings(sensor(kind, on.line, unit, **options).open(on, from_s))
 
 
 def shown(said: list[Measured]) -> np.ndarray:
