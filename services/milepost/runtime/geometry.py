@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-import csv
 import json
 import math
 from pathlib import Path
 from typing import Any
 
+from milepost.simulation.recording import ECEF_POSITION
+from milepost.simulation.table import read_table
+
 from .yaml_files import ConfigError
 
-ECEF_COLUMNS = ("ecef_x_m", "ecef_y_m", "ecef_z_m")
 # recorded points closer than this would lengthen the path by their noise and turn it about
 APART_M = 1.0
 
@@ -45,30 +46,18 @@ def ecef_points(path: Path, recorded: Path) -> list[tuple[float, float]]:
 
     kept: list[tuple[float, float, float]] = []
     try:
-        with recorded.open(newline="", encoding="utf-8") as file:
-            rows = csv.DictReader(file)
-            for row in rows:
-                point = _ecef(row, f"line {rows.line_num}")
-                if not kept or math.dist(point, kept[-1]) >= APART_M:
-                    kept.append(point)
+        for row in read_table(recorded, ECEF_POSITION):
+            if row.error is not None:
+                raise ValueError(f"{recorded}: {row.error}")
+            x, y, z = row.values.values()
+            if not 6.2e6 < math.hypot(x, y, z) < 6.5e6:
+                raise ValueError(f"{recorded}: line {row.line}: {', '.join(ECEF_POSITION)} is no place on the earth")
+            if not kept or math.dist((x, y, z), kept[-1]) >= APART_M:
+                kept.append((x, y, z))
     except OSError as error:
         raise ConfigError(path, "path_csv", f"{recorded}: {error.strerror}") from error
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise ConfigError(path, "path_csv", f"{recorded}: not CSV text") from error
     except ValueError as error:
-        raise ConfigError(path, "path_csv", f"{recorded}: {error}") from error
+        raise ConfigError(path, "path_csv", str(error)) from error
     to_degrees = pyproj.Transformer.from_crs("EPSG:4978", "EPSG:4979", always_xy=True)
     placed = [to_degrees.transform(*point) for point in kept]
     return [(float(longitude), float(latitude)) for longitude, latitude, _ in placed]
-
-
-def _ecef(row: dict[str, Any], place: str) -> tuple[float, float, float]:
-    try:
-        x, y, z = (float(row[name]) for name in ECEF_COLUMNS)
-    except KeyError as error:
-        raise ValueError(f"{error.args[0]}: missing") from error
-    except (TypeError, ValueError) as error:
-        raise ValueError(f"{place}: not three numbers {', '.join(ECEF_COLUMNS)}") from error
-    if not 6.2e6 < math.hypot(x, y, z) < 6.5e6:
-        raise ValueError(f"{place}: {', '.join(ECEF_COLUMNS)} is no place on the earth")
-    return x, y, z

@@ -114,8 +114,9 @@ def smooth_motion(fixes: Sequence[RecordedFix], track: Track, fix_std_m: float, 
     return KnotMotion(times, knots)
 
 
-ECEF_COLUMNS = ("t_s", "ecef_x_m", "ecef_y_m", "ecef_z_m", "ecef_vx_mps", "ecef_vy_mps", "ecef_vz_mps")
-ECEF_PATH: dict[str, Cell] = {name: Cell(name, float) for name in ECEF_COLUMNS}
+ECEF_POSITION: dict[str, Cell] = {name: Cell(name, float) for name in ("ecef_x_m", "ecef_y_m", "ecef_z_m")}
+ECEF_VELOCITY: dict[str, Cell] = {name: Cell(name, float) for name in ("ecef_vx_mps", "ecef_vy_mps", "ecef_vz_mps")}
+ECEF_PATH: dict[str, Cell] = {"t_s": Cell("t_s", float), **ECEF_POSITION, **ECEF_VELOCITY}
 
 
 def path_motion(path: Path, track: Track) -> KnotMotion:
