@@ -10,10 +10,11 @@ from typing import Any
 import yaml
 from pydantic import BaseModel
 
-from milepost.estimation.track import Balise, Line
+from milepost.recordings.measured import Measured, Source
 from milepost.sensors import SENSORS
-from milepost.sensors.base import Measured, Source, World
+from milepost.sensors.base import World
 from milepost.simulation.motion import Profile, WhiteJerkMotion
+from milepost.track.line import Balise, Line
 from milepost_schemas import (
     AbsoluteFix,
     BalisePassed,

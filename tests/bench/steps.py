@@ -8,6 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
+from milepost.config.roles import ROLES, Setting
+from milepost.config.train import load_train
 from milepost.estimation.estimator import Prior
 from milepost.estimation.filters import FILTERS
 from milepost.estimation.filters.base import FilterSetup
@@ -16,9 +18,7 @@ from milepost.estimation.layout import Layout
 from milepost.estimation.motion import process_noise, transition
 from milepost.estimation.scalar import ScalarKernel
 from milepost.estimation.timeline import Observation
-from milepost.runtime.config import load_train
-from milepost.runtime.offline import simulate
-from milepost.runtime.roles import ROLES, Setting
+from milepost.offline.run import simulate
 from milepost_schemas import decode, encode
 
 DT, Q, R = 0.01, 1e-6, 0.04

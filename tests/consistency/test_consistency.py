@@ -10,13 +10,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from milepost.config.roles import prior
+from milepost.config.train import Train, load_train
 from milepost.estimation.kalman import predict, update
 from milepost.estimation.layout import Layout
 from milepost.estimation.motion import full_process_noise, full_transition
-from milepost.evaluation.heard import Heard
-from milepost.runtime.config import Train, load_train
-from milepost.runtime.offline import simulate
-from milepost.runtime.roles import prior
+from milepost.evaluation.run_log import Heard
+from milepost.offline.run import simulate
 
 MAGLEV = Path("deploy/trains/maglev.yaml")
 RUNS = 60
@@ -110,7 +110,7 @@ def test_gnss_fixes_with_known_noise_are_consistent_too(tmp_path):
     coordinates = [[4.0, 50.0], [4.05, 50.0]]
     (tmp_path / "line.geojson").write_text(json.dumps({"type": "LineString", "coordinates": coordinates}))
     (tmp_path / "line.yaml").write_text("line: straight\ngeojson: line.geojson\n")
-    from milepost.estimation.track import Track
+    from milepost.track.track import Track
 
     track, q, dt = Track([(4.0, 50.0), (4.05, 50.0)]), 1e-3, 0.4
     F, Q = full_transition(dt, Layout()), full_process_noise(dt, q, Layout())

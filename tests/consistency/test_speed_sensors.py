@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from milepost.evaluation.heard import Heard
-from milepost.runtime.config import load_train
-from milepost.runtime.offline import simulate
+from milepost.config.train import load_train
+from milepost.evaluation.run_log import Heard
+from milepost.offline.run import simulate
 
 RUNS, LENGTH_S, START_NS = 16, 4.0, 1_700_000_000_000_000_000
 BODY = {"body_pitch_std_deg": 0.3}

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 import yaml
 
+from milepost.config.train import load_train
 from milepost.nodes.base import Output
-from milepost.runtime.config import load_train
-from milepost.runtime.offline import OFFLINE_START_NS, simulate
+from milepost.offline.run import OFFLINE_START_NS, simulate
 from milepost_schemas import Event, FusedState, Truth
 
 RADAR = {"kind": "doppler_radar", "rate_hz": 10.0, "speed_variance_m2ps2": 0.04}

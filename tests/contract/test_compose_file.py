@@ -9,8 +9,8 @@ import pytest
 import yaml
 
 from milepost.cli.main import DEFAULT_TRAIN
-from milepost.runtime.config import load_train
-from milepost.runtime.roles import ROLES, Process, processes
+from milepost.config.roles import ROLES, Process, processes
+from milepost.config.train import load_train
 
 ROOT = Path(__file__).parents[2]
 SERVICES: dict[str, dict[str, Any]] = yaml.safe_load((ROOT / "compose.yaml").read_text(encoding="utf-8"))["services"]

@@ -11,11 +11,11 @@ from milepost.estimation.filters.base import FilterSetup
 from milepost.estimation.filters.kalman import KalmanFilter, KalmanOptions
 from milepost.estimation.layout import Layout, PrivateState
 from milepost.estimation.shares import FixedShares
-from milepost.estimation.track import Line
 from milepost.nodes.filter import FilterNode
 from milepost.nodes.fuser import FuserNode, FuserSettings
 from milepost.nodes.roster import UnitRow
 from milepost.sensors.base import Observed, Sensor, SensorOptions
+from milepost.track.line import Line
 from milepost_schemas import AbsoluteFix, SpeedReading
 
 NS = 1_000_000_000

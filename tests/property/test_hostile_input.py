@@ -9,7 +9,7 @@ import pytest
 from invented import NS, T0, Plain, drive, filter_of, fix, fuser_of, reading, sensors
 from pydantic import ValidationError
 
-from milepost.estimation.track import Track
+from milepost.track.track import Track
 from milepost_schemas import Estimate, Feedback, Gaussian, SpeedReading
 
 
@@ -179,9 +179,9 @@ def test_a_reading_that_cannot_be_used_is_not_awaited():
 
 
 def test_the_interval_holds_the_worst_location_accuracy_until_a_balise_is_known():
-    from milepost.estimation.track import Balise, Line
     from milepost.nodes.roster import Presence
     from milepost.nodes.state_writer import StateWriter
+    from milepost.track.line import Balise, Line
 
     line = Line("l", 1e4, (Balise("a", 100.0, 0.1), Balise("b", 200.0, 12.0)), 0.5)
     writer = StateWriter(line, 20_000_000, 5.0, 100.0)

@@ -6,8 +6,8 @@ import json
 from pathlib import Path
 from typing import Any
 
-from milepost.runtime.config import load_scenario
-from milepost.runtime.offline import OFFLINE_START_NS, simulate
+from milepost.config.scenario_file import load_scenario
+from milepost.offline.run import OFFLINE_START_NS, simulate
 from milepost_schemas import FusedState
 
 ROOT = Path(__file__).resolve().parents[2]

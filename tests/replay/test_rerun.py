@@ -13,9 +13,9 @@ from typing import Any
 
 import pytest
 
-from milepost.evaluation.heard import Heard
-from milepost.runtime.config import load_scenario
-from milepost.runtime.offline import simulate
+from milepost.config.scenario_file import load_scenario
+from milepost.evaluation.run_log import Heard
+from milepost.offline.run import simulate
 
 ROOT = Path(__file__).resolve().parents[2]
 TRAIN = ROOT / "deploy/trains/maglev.yaml"

@@ -7,11 +7,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from milepost.config.roles import ROLES, Setting, processes
+from milepost.config.train import Train, load_train
 from milepost.nodes.base import Node, Output
 from milepost.nodes.fuser import FuserNode
-from milepost.runtime.config import Train, load_train
-from milepost.runtime.offline import OFFLINE_START_NS, OfflineRun
-from milepost.runtime.roles import ROLES, Setting, processes
+from milepost.offline.run import OFFLINE_START_NS, OfflineRun
 from milepost_schemas import Event, Feedback, FusedState, Message, Truth
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -10,14 +10,13 @@ import pytest
 import yaml
 from harness import PERIOD_NS, ROOT, at
 
-from milepost.evaluation.heard import Heard
+from milepost.config.scenario_file import ScenarioFile, load_scenario
+from milepost.config.yaml_files import ConfigError
+from milepost.evaluation.run_log import Heard
 from milepost.evaluation.scenario_run import evaluate_once
 from milepost.evaluation.withheld import score_withheld, withheld_fixes
-from milepost.runtime.config import load_scenario
-from milepost.runtime.offline import OFFLINE_START_NS, simulate
-from milepost.runtime.scenario_file import ScenarioFile
-from milepost.runtime.yaml_files import ConfigError
-from milepost.simulation.recording import RecordedFix, read_gnss_log
+from milepost.offline.run import OFFLINE_START_NS, simulate
+from milepost.recordings.gnss_log import RecordedFix, read_gnss_log
 
 SCENARIO = ROOT / "deploy/scenarios/brussels-28876.yaml"
 LOG = ROOT.parent / "shared/data/brussels/log_28876_gnss.csv"

@@ -15,10 +15,10 @@ import psutil
 import pytest
 from harness import MAGLEV, ROOT
 
+from milepost.config.yaml_files import ConfigError
 from milepost.evaluation.campaign import find
 from milepost.evaluation.plan import make_plan
 from milepost.evaluation.pool import Task, run_tasks
-from milepost.runtime.yaml_files import ConfigError
 
 TINY: dict[str, Any] = {
     "scenario": "tiny",

@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 
 from examples import REMOVED, write_train
-from milepost.estimation.track import Track
+from milepost.config.train import Train, load_train
 from milepost.nodes.base import Output
-from milepost.runtime.config import Train, load_train
-from milepost.runtime.offline import simulate
+from milepost.offline.run import simulate
+from milepost.track.track import Track
 from milepost_schemas import FusedState, Truth
 
 POINTS = [(4.5, 50.9), (4.52, 50.905), (4.54, 50.92), (4.55, 50.95)]

@@ -8,10 +8,10 @@ from typing import Any
 import pytest
 from harness import PERIOD_NS, ROOT, Journey, at, delayed, scenario_s, silent, travel, widths
 
-from milepost.evaluation.heard import Heard
+from milepost.config.scenario_file import load_scenario
+from milepost.evaluation.run_log import Heard
 from milepost.evaluation.scenario_run import evaluate_once
 from milepost.nodes.base import Output
-from milepost.runtime.config import load_scenario
 from milepost_schemas import BaliseTelegram, Estimate, Gaussian, LinearObservation
 
 SOURCE_A = ROOT / "deploy/scenarios/loop-radar-balise.yaml"

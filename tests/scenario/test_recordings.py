@@ -14,6 +14,7 @@ import pytest
 from harness import ROOT
 
 from examples import REMOVED, write_train
+from milepost.config.train import Train, load_train
 from milepost.evaluation.plan import make_plan
 from milepost.evaluation.recorded_scores import (
     FixesOptions,
@@ -26,7 +27,6 @@ from milepost.evaluation.recorded_scores import (
 )
 from milepost.evaluation.scenario_run import run_plan
 from milepost.evaluation.trace import Trace
-from milepost.runtime.config import Train, load_train
 
 SCENARIOS = ROOT / "deploy/scenarios"
 DATA = ROOT.parent / "shared/data"

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from examples import T0, examples_of, head
-from milepost.estimation.track import Balise, Line
 from milepost.nodes.balise import BaliseNode
+from milepost.track.line import Balise, Line
 from milepost_schemas import BY_NAME, STREAMS, AbsoluteFix, BaliseTelegram, Event
 
 LINE = Line("l", 1000.0, (Balise("b1", 100.0, 0.05), Balise("b2", 200.5, 12.0)))

@@ -6,9 +6,9 @@ from typing import Any
 
 import pytest
 
+from milepost.config.scenario_file import ScenarioFile
 from milepost.evaluation.claims import Row, Spread, judge
 from milepost.evaluation.tables import claims_table, flat
-from milepost.runtime.scenario_file import ScenarioFile
 
 CLAIM = {"key": "position_max_m", "source": "B", "says": "< 10 m", "at_most": 2.0}
 

@@ -9,11 +9,11 @@ from typing import Any
 import pytest
 
 from examples import head, sensor, straight_line
+from milepost.recordings.column_map import CsvSource, check_map
+from milepost.recordings.column_options import RecordingOptions
+from milepost.recordings.measured import Measured
+from milepost.recordings.units import SUFFIXES, UNITS, factor
 from milepost.sensors import SENSORS
-from milepost.sensors.base import Measured
-from milepost.sensors.column_map import CsvSource, check_map
-from milepost.sensors.column_options import RecordingOptions
-from milepost.simulation.units import SUFFIXES, UNITS, factor
 from milepost_schemas import BY_NAME, InertialReading, Message, PositionReading, SpeedReading
 
 SPEED = {"speed_mps": {"column": "v", "unit": "km/h"}}

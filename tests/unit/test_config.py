@@ -16,10 +16,11 @@ import yaml
 from examples import LINE_FILE, REMOVED, SCENARIO_FILE, TRAIN_FILE, changed, write_train
 from milepost.cli import up as up_command
 from milepost.cli.main import main
-from milepost.runtime.config import load_scenario, load_train
-from milepost.runtime.lines import load_line
-from milepost.runtime.roles import ROLES, processes
-from milepost.runtime.yaml_files import ConfigError, merged, read_yaml
+from milepost.config.line_file import load_line
+from milepost.config.roles import ROLES, processes
+from milepost.config.scenario_file import load_scenario
+from milepost.config.train import load_train
+from milepost.config.yaml_files import ConfigError, merged, read_yaml
 
 GNSS = {"kind": "gnss", "source": "recording", "recording": "log.csv"}
 UNFIT = {"file": "log.csv", "time": {"column": "time_utc", "unit": "iso8601"}, "columns": {"satellites": {"column": "n"}}}

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from milepost.estimation.track import Line
-from milepost.runtime.config import load_train
-from milepost.runtime.creep_file import CreepFile
-from milepost.runtime.yaml_files import ConfigError
+from milepost.config.creep_file import CreepFile
+from milepost.config.train import load_train
+from milepost.config.yaml_files import ConfigError
 from milepost.simulation.creep import GRAVITY_MPS2, Adhesion, Creep, CreepEvent
+from milepost.track.line import Line
 
 TRAINS = Path(__file__).parents[2] / "deploy" / "trains"
 LEVEL = Line("l", 20000.0, ())

@@ -13,13 +13,15 @@ import pyproj
 import pytest
 
 from examples import T0, all_readings, head, sensor
-from milepost.estimation.fix_monitor import FixLimits, FixMonitor, SeenFix
 from milepost.estimation.motion import process_noise, transition
-from milepost.estimation.track import Line, Track
-from milepost.sensors.base import Measured, World
-from milepost.sensors.gnss_errors import moved
+from milepost.recordings.gnss_log import read_gnss_log
+from milepost.recordings.measured import Measured
+from milepost.sensors.base import World
+from milepost.sensors.gnss.fix_monitor import FixLimits, FixMonitor, SeenFix
+from milepost.sensors.gnss.simulated import moved
 from milepost.simulation.motion import Profile, WhiteJerkMotion
-from milepost.simulation.recording import read_gnss_log
+from milepost.track.line import Line
+from milepost.track.track import Track
 from milepost_schemas import PositionReading
 
 GEOD = pyproj.Geod(ellps="WGS84")

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from examples import T0, head, sensor, straight_line, world
-from milepost.estimation.track import Line
 from milepost.sensors.base import Belief, World
-from milepost.sensors.imu import GRAVITY_MPS2
+from milepost.sensors.imu.imu import GRAVITY_MPS2
+from milepost.track.line import Line
 from milepost_schemas import InertialReading, decode
 
 QUIET = {

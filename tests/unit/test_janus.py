@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 from examples import T0, all_readings, sensor, straight_line, world
-from milepost.sensors.base import Belief, Measured, World
-from milepost.sensors.radar_beam import beam_speed
+from milepost.recordings.measured import Measured
+from milepost.sensors.base import Belief, World
+from milepost.sensors.radar.beam import beam_speed
 from milepost_schemas import SpeedReading, decode
 
 QUIET = 1e-18

@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from milepost.estimation.learned_error import ErrorModel, LearnedError, worth
 from milepost.estimation.swarm import Swarm
+from milepost.sensors.imu.learned_error import ErrorModel, LearnedError, worth
 
 MODEL = ErrorModel(bias_std=0.005, walk_std=2.4e-4, noise_density=0.05)
 

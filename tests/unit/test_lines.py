@@ -11,8 +11,8 @@ import pyproj
 import pytest
 import yaml
 
-from milepost.runtime.lines import load_line
-from milepost.runtime.yaml_files import ConfigError
+from milepost.config.line_file import load_line
+from milepost.config.yaml_files import ConfigError
 
 LINES = Path(__file__).parents[2] / "deploy" / "lines"
 COMMA = Path(__file__).parents[3] / "shared" / "data" / "comma2k19" / "truth.csv"

@@ -14,9 +14,10 @@ from examples import T0, all_readings, head, sensor, straight_line, world
 from milepost.estimation.kalman import predict, update
 from milepost.estimation.layout import Layout
 from milepost.estimation.motion import full_process_noise, full_transition
-from milepost.sensors.base import Belief, Measured, Source, World
-from milepost.sensors.loop_count import Faults, pitches
-from milepost.sensors.loop_track import Crossings, Unseen
+from milepost.recordings.measured import Measured, Source
+from milepost.sensors.base import Belief, World
+from milepost.sensors.loop.count import Faults, pitches
+from milepost.sensors.loop.crossings import Crossings, Unseen
 from milepost.sensors.pulses import LONGEST_BOUND_S
 from milepost_schemas import SpeedReading, decode
 

@@ -11,9 +11,10 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from milepost.estimation.motion import process_noise, transition
-from milepost.estimation.track import Track
+from milepost.recordings.gnss_log import RecordedFix
 from milepost.simulation.motion import BLOCK_S, KnotMotion, Profile, WhiteJerkMotion, evaluate, quintics, when_at
-from milepost.simulation.recording import RecordedFix, smooth_motion
+from milepost.simulation.recorded_motion import smooth_motion
+from milepost.track.track import Track
 
 CRUISE = Profile([(0.0, 20.0)], 0.0)
 coefficient = st.floats(-10.0, 10.0)

@@ -11,8 +11,9 @@ import numpy as np
 import pytest
 
 from examples import T0, all_readings, head, sensor, straight_line, world
-from milepost.sensors.base import Belief, Measured, World
-from milepost.sensors.odometer_device import Wheel
+from milepost.recordings.measured import Measured
+from milepost.sensors.base import Belief, World
+from milepost.sensors.odometer.device import Wheel
 from milepost_schemas import SpeedReading, decode, encode
 
 TEN = {"rate_hz": 10.0}

@@ -15,9 +15,10 @@ from examples import T0, all_readings, head, sensor, straight_line, world
 from milepost.estimation.kalman import predict, update
 from milepost.estimation.layout import Layout, PrivateState
 from milepost.estimation.motion import full_process_noise, full_transition
-from milepost.sensors.base import Belief, Measured, World
-from milepost.sensors.dropouts import Dropouts
-from milepost.sensors.radar_beam import beam_speed
+from milepost.recordings.measured import Measured
+from milepost.sensors.base import Belief, World
+from milepost.sensors.radar.beam import beam_speed
+from milepost.sensors.radar.dropouts import Dropouts
 from milepost.sensors.scale import scaled_speed
 from milepost_schemas import SpeedReading, decode
 

@@ -18,10 +18,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from examples import head
-from milepost.sensors.epochs import Decoder, Fix
-from milepost.sensors.nmea import NmeaDecoder
-from milepost.sensors.receiver import POLL_S, RETRY_POLLS, LiveReceiver, ReceiverOptions, TcpStream, open_receiver
-from milepost.sensors.ubx import UbxDecoder
+from milepost.recordings.epochs import Decoder, Fix
+from milepost.recordings.nmea import NmeaDecoder
+from milepost.recordings.ubx import UbxDecoder
+from milepost.sensors.gnss.receiver import POLL_S, RETRY_POLLS, LiveReceiver, ReceiverOptions, TcpStream, open_receiver
 from milepost_schemas import PositionReading
 
 NOON = datetime(2022, 2, 25, 12, tzinfo=UTC).timestamp()

@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 from examples import REMOVED, write_train
-from milepost.runtime.config import load_train
-from milepost.runtime.lines import load_line
-from milepost.simulation.recording import path_motion
+from milepost.config.line_file import load_line
+from milepost.config.train import load_train
+from milepost.simulation.recorded_motion import path_motion
 
 
 def test_a_recorded_path_becomes_a_motion_along_its_line(tmp_path: Path) -> None:

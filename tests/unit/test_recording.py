@@ -13,9 +13,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from examples import EXAMPLES, T0, examples_of, head, write_train
+from milepost.config.train import Train, load_train
 from milepost.nodes.base import Output
-from milepost.runtime.config import Train, load_train
-from milepost.runtime.recording import Reader, write_line
+from milepost.offline.message_log import Reader, write_line
 from milepost_schemas import STREAMS, Message, SpeedReading
 
 RECEIVED = T0 + 20_000_000

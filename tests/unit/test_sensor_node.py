@@ -8,8 +8,8 @@ import pytest
 
 from examples import REPLAYED_ONLY, sensor, straight_line, world
 from milepost.nodes.sensor import SensorNode
+from milepost.recordings.measured import Measured
 from milepost.sensors import SENSORS
-from milepost.sensors.base import Measured
 from milepost_schemas import BaliseTelegram, SpeedReading
 
 S = 1_000_000_000

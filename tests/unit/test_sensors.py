@@ -12,10 +12,12 @@ import numpy as np
 import pytest
 
 from examples import REPLAYED_ONLY, head, options_of, sensor, straight_line, world
-from milepost.estimation.track import Line, Track
+from milepost.recordings.gnss_log import read_gnss_log
+from milepost.recordings.measured import Measured, Source
 from milepost.sensors import SENSORS
-from milepost.sensors.base import Measured, SensorOptions, Source, World
-from milepost.simulation.recording import read_gnss_log
+from milepost.sensors.base import SensorOptions, World
+from milepost.track.line import Line
+from milepost.track.track import Track
 from milepost_schemas import BY_NAME, PositionReading
 
 SIMULATED = sorted(set(SENSORS) - REPLAYED_ONLY)

@@ -14,9 +14,9 @@ from milepost.estimation.estimator import Prior
 from milepost.estimation.layout import COMMON, Layout
 from milepost.estimation.shares import FixedShares, SharesByAccuracy, SharesBySpeed, SpeedRow
 from milepost.estimation.timeline import Observation
-from milepost.estimation.track import Line
 from milepost.nodes.fuser import FuserNode, FuserSettings
 from milepost.nodes.roster import Roster, UnitRow
+from milepost.track.line import Line
 from milepost_schemas import Estimate, FusedState, Gaussian
 from milepost_schemas.estimate import LinearObservation
 

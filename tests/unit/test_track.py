@@ -10,7 +10,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from milepost.estimation.track import Balise, Line, Track
+from milepost.track.line import Balise, Line
+from milepost.track.track import Track
 
 GEOD = pyproj.Geod(ellps="WGS84")
 Point = tuple[float, float]

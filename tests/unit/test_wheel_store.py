@@ -17,8 +17,8 @@ from milepost.estimation.filters import FILTERS
 from milepost.estimation.filters.base import FilterSetup
 from milepost.estimation.layout import Layout
 from milepost.nodes.filter import FilterNode
-from milepost.runtime.kept import WRITE_EVERY_NS, Keeper, keeper_for
-from milepost.sensors.wheel_store import DAY_NS, Calibration, as_knowledge, from_bytes, to_bytes
+from milepost.runtime.calibration_store import WRITE_EVERY_NS, Keeper, keeper_for
+from milepost.sensors.odometer.calibration import DAY_NS, Calibration, as_knowledge, from_bytes, to_bytes
 from milepost_schemas import Estimate, Event, SpeedReading
 
 NOW = 1_700_000_000 * 10**9

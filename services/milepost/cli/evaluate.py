@@ -9,10 +9,10 @@ from collections.abc import Sequence
 from importlib.util import find_spec
 from pathlib import Path
 
+from milepost.config.yaml_files import ConfigError
 from milepost.evaluation.campaign import Evaluated, Skipped, as_fields, evaluate, find, tasks_of
 from milepost.evaluation.plan import Plan, make_plan
 from milepost.evaluation.tables import claims_table, estimator_table
-from milepost.runtime.yaml_files import ConfigError
 
 from .progress import progress_bar
 

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from milepost.runtime.yaml_files import ConfigError
+from milepost.config.yaml_files import ConfigError
 from milepost.runtime.zenoh_config import DEFAULT_ENDPOINT
 
 DEFAULT_TRAIN = Path("deploy/trains/full.yaml")
@@ -156,7 +156,7 @@ def observe(
     name: Annotated[str, typer.Option("--name")] = "*",
 ) -> None:
     """Listen from outside until stopped, then write a report."""
-    from .observe import run_observe
+    from milepost.evaluation.live import run_observe
 
     run_observe(connect, name, report, stalls)
 
@@ -164,7 +164,7 @@ def observe(
 @app.command(**HIDDEN)  # type: ignore[arg-type]
 def sentinel(stalls: Annotated[Path, typer.Option("--stalls")]) -> None:
     """Sleep a millisecond at a time and note when it took much longer: the machine's own stalls."""
-    from .sentinel import run_sentinel
+    from milepost.evaluation.stalls import run_sentinel
 
     run_sentinel(stalls)
 

@@ -6,10 +6,10 @@ import sys
 import time
 from pathlib import Path
 
-from milepost.runtime.config import load_train
-from milepost.runtime.offline import replay
-from milepost.runtime.recording import Reader
-from milepost.runtime.yaml_files import ConfigError
+from milepost.config.train import load_train
+from milepost.config.yaml_files import ConfigError
+from milepost.offline.message_log import Reader
+from milepost.offline.run import replay
 from milepost_schemas import FusedState
 
 from .progress import progress_bar

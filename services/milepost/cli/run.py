@@ -7,7 +7,7 @@ import signal
 import sys
 from pathlib import Path
 
-from milepost.runtime.yaml_files import ConfigError
+from milepost.config.yaml_files import ConfigError
 
 PR_SET_PDEATHSIG = 1
 
@@ -40,8 +40,8 @@ def run_role(
             raise ConfigError(config, "", "no such file")
         run_router(listen, config, parent)
         return
-    from milepost.runtime.config import load_train
-    from milepost.runtime.roles import ROLES
+    from milepost.config.roles import ROLES
+    from milepost.config.train import load_train
 
     if role not in ROLES:
         raise ConfigError("run", "ROLE", f"{role!r} is none of router, {', '.join(ROLES)}")

@@ -8,9 +8,8 @@ import threading
 import time
 
 from milepost.runtime.bus import NoRouterError
+from milepost.runtime.listening import listening
 from milepost_schemas import FusedState, Message
-
-from .listening import listening
 
 SETTLE_S = 0.3
 

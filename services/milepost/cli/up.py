@@ -9,14 +9,14 @@ import tempfile
 import time
 from pathlib import Path
 
+from milepost.config.roles import ROLES, Setting, processes
+from milepost.config.train import load_train
+from milepost.config.yaml_files import ConfigError
 from milepost.runtime.bus import NoRouterError
-from milepost.runtime.config import load_train
+from milepost.runtime.listening import listening
 from milepost.runtime.process import set_up_log
-from milepost.runtime.roles import ROLES, Setting, processes
 from milepost.runtime.supervisor import Supervisor, port_is_free, start_train
-from milepost.runtime.yaml_files import ConfigError
 
-from .listening import listening
 from .watch import STREAMS, Screen, show
 
 WAIT_FOR_ROUTER_S = 20.0

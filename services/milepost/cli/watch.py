@@ -13,9 +13,8 @@ from rich.table import Table
 from rich.text import Text
 
 from milepost.runtime.bus import NoRouterError
+from milepost.runtime.listening import listening
 from milepost_schemas import Event, FusedState, Health, Message, Truth
-
-from .listening import listening
 
 STYLES = {"normal": "green", "initialising": "cyan", "degraded": "yellow", "coasting": "yellow", "lost": "red"}
 STREAMS = ["state", "truth", "health", "event"]

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from milepost.runtime.scenario_file import ScenarioFile
-from milepost.runtime.yaml_files import ConfigError, read_yaml, validate
+from milepost.config.scenario_file import ScenarioFile
+from milepost.config.yaml_files import ConfigError, read_yaml, validate
 
 from .claims import Row, judge
 from .plan import Plan, make_plan

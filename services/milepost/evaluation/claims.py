@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from milepost.runtime.scenario_file import ClaimFile, ScenarioFile
+from milepost.config.scenario_file import ClaimFile, ScenarioFile
 
 
 @dataclass(frozen=True)

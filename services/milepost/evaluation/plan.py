@@ -9,12 +9,12 @@ from typing import Any, get_args
 
 import numpy as np
 
-from milepost.runtime.config import Train, load_scenario, load_train
-from milepost.runtime.scenario_file import Builtin, ScenarioFile, VariantFile, Window
-from milepost.runtime.yaml_files import ConfigError, merged, validate
+from milepost.config.scenario_file import Builtin, ScenarioFile, VariantFile, Window, load_scenario
+from milepost.config.train import Train, load_train
+from milepost.config.yaml_files import ConfigError, merged, validate
+from milepost.recordings.gnss_log import RecordedFix
 from milepost.sensors.base import World
-from milepost.sensors.odometer import Odometer
-from milepost.simulation.recording import RecordedFix
+from milepost.sensors.odometer.odometer import Odometer
 
 from .scores import BASIC, SCORES, Figure, Score, UnitOptions
 from .summary import OF_THE_RUN

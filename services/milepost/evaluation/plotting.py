@@ -14,7 +14,7 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 
-from milepost.runtime.config import Train
+from milepost.config.train import Train
 
 from .scores import estimated_diameter_m, true_diameter_m
 from .trace import Trace

@@ -15,8 +15,8 @@ from multiprocessing.managers import SyncManager
 from pathlib import Path
 from typing import Any, TextIO
 
-from milepost.runtime.memory_bus import Tap
-from milepost.runtime.recording import write_line
+from milepost.offline.memory_bus import Tap
+from milepost.offline.message_log import write_line
 
 from .plan import make_plan
 from .scenario_run import Show, Traces, run_plan

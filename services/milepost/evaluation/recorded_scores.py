@@ -9,10 +9,9 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import BaseModel, Field
 
-from milepost.runtime.config import Train
-from milepost.runtime.lines import STRICT
-from milepost.sensors.base import Span
-from milepost.simulation.recording import RecordedFix, read_gnss_log
+from milepost.config.train import Train
+from milepost.recordings.gnss_log import RecordedFix, read_gnss_log
+from milepost.recordings.options import STRICT, Span
 
 from .trace import Trace
 

@@ -9,17 +9,17 @@ from typing import Any
 
 import numpy as np
 
+from milepost.config.roles import full_layout, prior
+from milepost.config.yaml_files import ConfigError
 from milepost.estimation.centralised import centralised
 from milepost.estimation.timeline import NS
-from milepost.runtime.collector import rare_collection
-from milepost.runtime.memory_bus import Tap
-from milepost.runtime.offline import OFFLINE_START_NS, simulate
-from milepost.runtime.roles import full_layout, prior
-from milepost.runtime.yaml_files import ConfigError
+from milepost.offline.collector import rare_collection
+from milepost.offline.memory_bus import Tap
+from milepost.offline.run import OFFLINE_START_NS, simulate
 from milepost.sensors.base import World
 
-from .heard import Heard
 from .plan import Case, Plan, make_plan
+from .run_log import Heard
 from .scores import basic
 from .trace import Trace, largest_difference_in_sigmas, trace_of_beliefs, trace_of_states
 from .withheld import score_withheld

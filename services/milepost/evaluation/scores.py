@@ -9,9 +9,8 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import BaseModel, Field
 
-from milepost.runtime.config import Train
-from milepost.runtime.lines import STRICT
-from milepost.sensors.base import Span
+from milepost.config.train import Train
+from milepost.recordings.options import STRICT, Span
 
 from .recorded_scores import (
     FixesOptions,

@@ -6,11 +6,11 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from milepost.estimation.track import Line
-from milepost.runtime.config import Train
-from milepost.runtime.scenario_file import ScenarioFile
-from milepost.runtime.yaml_files import ConfigError
-from milepost.simulation.recording import RecordedFix, read_gnss_log
+from milepost.config.scenario_file import ScenarioFile
+from milepost.config.train import Train
+from milepost.config.yaml_files import ConfigError
+from milepost.recordings.gnss_log import RecordedFix, read_gnss_log
+from milepost.track.line import Line
 from milepost_schemas import FusedState
 
 

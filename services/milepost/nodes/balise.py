@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
-from milepost.estimation.track import Line
+from milepost.track.line import Line
 from milepost_schemas import AbsoluteFix, BaliseTelegram, Message
 
 from .base import Node, Output, Subscription

@@ -12,7 +12,7 @@ from milepost.estimation.fusion import RULES, Belief, Lists
 from milepost.estimation.layout import Layout
 from milepost.estimation.shares import Shares
 from milepost.estimation.timeline import FUTURE_NS, Observation
-from milepost.estimation.track import Line
+from milepost.track.line import Line
 from milepost_schemas import AbsoluteFix, Estimate, Feedback, FusedState, Gaussian, Message
 
 from .base import Node, Output, Subscription

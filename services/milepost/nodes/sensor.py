@@ -7,7 +7,8 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from milepost.sensors.base import Measured, Sensor, Source
+from milepost.recordings.measured import Measured, Source
+from milepost.sensors.base import Sensor
 from milepost_schemas import BY_NAME
 
 from .base import Node, Output

@@ -7,7 +7,7 @@ from typing import Any
 
 from milepost.estimation.fusion import Lists
 from milepost.estimation.integrity import interval
-from milepost.estimation.track import Line
+from milepost.track.line import Line
 from milepost_schemas import AbsoluteFix, FusedState
 from milepost_schemas.state import Status
 

@@ -13,19 +13,19 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from milepost.config.roles import NS, ROLES, Setting, process_name, processes
+from milepost.config.train import Train
+from milepost.config.yaml_files import ConfigError
 from milepost.nodes.base import Node
 from milepost.nodes.fuser import FuserNode
+from milepost.offline.collector import rare_collection
 from milepost_schemas import Feedback, SimulationStart
 
 from . import scenario_time, zenoh_config
 from .bus import Inbox, Stop, ZenohBus, open_session
+from .calibration_store import keeper_for
 from .clock import Clock
-from .collector import rare_collection
-from .config import Train
-from .kept import keeper_for
-from .roles import NS, ROLES, Setting, process_name, processes
 from .runner import Runner
-from .yaml_files import ConfigError
 
 log = logging.getLogger("milepost")
 # a process that comes later than this into a running simulation was started again

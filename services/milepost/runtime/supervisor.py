@@ -13,8 +13,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from .config import Train
-from .roles import ROLES, processes
+from milepost.config.roles import ROLES, processes
+from milepost.config.train import Train
 
 log = logging.getLogger("milepost")
 RESTART_AFTER_S = 0.5

@@ -6,12 +6,12 @@ from typing import Any
 
 from .balise_reader import BaliseReader
 from .base import Sensor
-from .doppler_radar import DopplerRadar
-from .gnss import Gnss
-from .imu import Imu
-from .induction_loop import InductionLoop
-from .janus_radar import JanusRadar
-from .odometer import Odometer
+from .gnss.gnss import Gnss
+from .imu.imu import Imu
+from .loop.induction_loop import InductionLoop
+from .odometer.odometer import Odometer
+from .radar.doppler_radar import DopplerRadar
+from .radar.janus_radar import JanusRadar
 
 SENSORS: dict[str, type[Sensor[Any]]] = {
     kind.kind: kind for kind in (DopplerRadar, JanusRadar, InductionLoop, Odometer, Imu, Gnss, BaliseReader)

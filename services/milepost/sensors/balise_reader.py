@@ -7,10 +7,11 @@ from typing import Annotated, Any
 
 from pydantic import Field
 
+from milepost.recordings.measured import Measured, Source
 from milepost.simulation.motion import when_at
 from milepost.simulation.noise import WhiteNoise
 
-from .base import Belief, Measured, Observed, Sensor, SensorOptions, Source, World
+from .base import Belief, Observed, Sensor, SensorOptions, World
 
 LOOK_AHEAD_S = 1.0
 

@@ -6,37 +6,26 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any, ClassVar, Generic, Literal, NamedTuple, Protocol, TypeVar
+from typing import Any, ClassVar, Generic, Literal, NamedTuple, Protocol, TypeVar
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+from pydantic import BaseModel, Field
 
 from milepost.estimation.layout import Array, PrivateState
 from milepost.estimation.notice import Notice
-from milepost.estimation.track import Line
+from milepost.recordings.column_map import CsvSource
+from milepost.recordings.column_options import RecordingOptions
+from milepost.recordings.measured import Measured, Source
+from milepost.recordings.options import STRICT, Span
 from milepost.simulation.motion import Motion
 from milepost.simulation.noise import standard_normal
+from milepost.track.line import Line
 from milepost_schemas import BY_NAME
-
-from .column_map import CsvSource
-from .column_options import DataPath as DataPath
-from .column_options import RecordingOptions
-from .measured import Measured as Measured
-from .measured import Source as Source
-
-
-def _forward(span: list[float]) -> list[float]:
-    if span[0] >= span[1]:
-        raise ValueError("a span [from, to) must end after it begins")
-    return span
-
-
-Span = Annotated[list[float], Field(min_length=2, max_length=2), AfterValidator(_forward)]
 
 
 class SensorOptions(BaseModel):
     """A unit's entry in a train file. `filter` names a row of the filter table, alone or as `kind` beside its options."""
 
-    model_config = ConfigDict(strict=True, frozen=True, extra="forbid", allow_inf_nan=False)
+    model_config = STRICT
 
     kind: str
     source: Literal["simulation", "recording", "receiver"] = "simulation"

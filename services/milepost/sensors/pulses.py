@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .base import Measured
+from milepost.recordings.measured import Measured
 
 # silence longer than this says where the train is, not how fast it goes now
 LONGEST_BOUND_S = 4.0

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from milepost.estimation.track import Line
+from milepost.track.line import Line
 
 from .motion import Motion
 from .noise import BLOCK, block_rng

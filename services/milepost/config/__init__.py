@@ -1,0 +1,1 @@
+"""Train, line, scenario and motion files: read, checked, built."""

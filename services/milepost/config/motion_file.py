@@ -1,0 +1,97 @@
+"""How a train file says where the world's motion comes from: a profile, a GNSS log, a recorded path."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, Field, model_validator
+
+from milepost.recordings.gnss_log import read_gnss_log
+from milepost.recordings.options import STRICT, DataPath, Span
+from milepost.simulation.motion import KnotMotion, Motion, Profile, WhiteJerkMotion
+from milepost.simulation.recorded_motion import path_motion, smooth_motion
+from milepost.track.line import Line
+from milepost_schemas.message import PositionM
+
+Positive = Annotated[float, Field(gt=0.0)]
+
+
+class WhiteJerkFile(BaseModel):
+    """A simulated motion: a seeded white-jerk path around a speed profile of [time s, speed m/s] corners.
+
+    `corner_s`: how long a change of acceleration takes; a real train does not jerk as a sharp corner does.
+    """
+
+    model_config = STRICT
+    kind: Literal["white_jerk"]
+    profile: Annotated[list[Annotated[list[float], Field(min_length=2, max_length=2)]], Field(min_length=1)]
+    corner_s: Annotated[float, Field(ge=0.0, le=60.0)] = 0.0
+    start_m: PositionM = 0.0
+    jerk_psd_m2ps5: Annotated[float, Field(ge=0.0)]
+    driver_time_s: Annotated[float, Field(ge=30.0)] | None = None
+    start_std: Annotated[list[Annotated[float, Field(ge=0.0)]], Field(min_length=3, max_length=3)] = [0.0, 0.0, 0.0]
+
+    @model_validator(mode="after")
+    def _increasing(self) -> WhiteJerkFile:
+        times = [corner[0] for corner in self.profile]
+        if times[0] != 0.0 or any(b <= a for a, b in pairwise(times)):
+            raise ValueError("profile: times must start at 0 and increase")
+        return self
+
+    def build(self, line: Line, seed: int, until_s: float | None) -> Motion:
+        """The motion, until the line's end or `until_s`. Raises ValueError("field: ...") if it has no end."""
+        profile = Profile([(corner[0], corner[1]) for corner in self.profile], self.start_m, self.corner_s)
+        end_s = profile.reaches(line.length_m - 50.0)
+        if until_s is None and math.isinf(end_s):
+            raise ValueError("profile: never reaches the line's end; give a duration")
+        end_s = min(end_s, until_s or end_s)
+        return WhiteJerkMotion(profile, end_s, self.jerk_psd_m2ps5, self.driver_time_s, self.start_std, seed)
+
+
+class RecordedFile(BaseModel):
+    """A motion that a GNSS log's RTK fixes show; those within `untrusted_s` show none, whatever they call themselves."""
+
+    model_config = STRICT
+    kind: Literal["recorded"]
+    gnss_log: DataPath
+    fix_std_m: Positive = 0.01
+    jerk_psd_m2ps5: Positive = 0.01
+    untrusted_s: list[Span] = Field(default_factory=list)
+
+    def build(self, line: Line, seed: int, until_s: float | None) -> Motion:  # noqa: ARG002
+        """The smooth motion through the fixes. Raises ValueError("field: ...") where they show none."""
+        if line.track is None:
+            raise ValueError("gnss_log: a recorded motion needs a line with geometry")
+        try:
+            fixes = read_gnss_log(self.gnss_log)
+            trusted = [fix for fix in fixes if not any(a <= fix.t_s < b for a, b in self.untrusted_s)]
+            return _until(smooth_motion(trusted, line.track, self.fix_std_m, self.jerk_psd_m2ps5), until_s)
+        except (ValueError, OSError) as error:
+            raise ValueError(f"gnss_log: {error}") from error
+
+
+class RecordedPathFile(BaseModel):
+    """A motion recorded as positions and velocities in earth-centred metres, such as comma2k19's."""
+
+    model_config = STRICT
+    kind: Literal["recorded_path"]
+    path_csv: DataPath
+
+    def build(self, line: Line, seed: int, until_s: float | None) -> Motion:  # noqa: ARG002
+        """The motion along the line. Raises ValueError("field: ...") for a file that cannot be read."""
+        if line.track is None:
+            raise ValueError("path_csv: a recorded motion needs a line with geometry")
+        try:
+            return _until(path_motion(self.path_csv, line.track), until_s)
+        except (ValueError, OSError) as error:
+            raise ValueError(f"path_csv: {error}") from error
+
+
+MotionFile = Annotated[WhiteJerkFile | RecordedFile | RecordedPathFile, Field(discriminator="kind")]
+
+
+def _until(motion: KnotMotion, until_s: float | None) -> KnotMotion:
+    motion.end_s = min(motion.end_s, until_s) if until_s else motion.end_s
+    return motion

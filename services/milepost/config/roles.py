@@ -1,0 +1,179 @@
+"""THE ROLE TABLE: the kinds of process, and which of them a train needs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from milepost.estimation.estimator import Prior
+from milepost.estimation.filters.base import FilterSetup
+from milepost.estimation.layout import Layout
+from milepost.estimation.shares import FixedShares, Shares, SharesByAccuracy, SharesBySpeed, SpeedRow
+from milepost.nodes.balise import BaliseNode
+from milepost.nodes.base import Node
+from milepost.nodes.filter import FilterNode
+from milepost.nodes.fuser import FuserNode, FuserSettings
+from milepost.nodes.roster import UnitRow
+from milepost.nodes.sensor import SensorNode
+from milepost.nodes.world import WorldNode
+from milepost.sensors.base import World
+
+from .train import Train
+from .train_file import BySpeedFile
+from .yaml_files import ConfigError
+
+NS = 1_000_000_000
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What a node is built for: an instance's name and, on a simulated train, its world and where scenario time stands.
+
+    `start_ns` is the UTC time of scenario time 0, `from_s` the scenario time at which the process begins.
+    """
+
+    instance: str
+    world: World | None = None
+    start_ns: int = 0
+    from_s: float = 0.0
+
+
+@dataclass(frozen=True)
+class Role:
+    """`units` lists what a train needs this role for; `uses_world` for those that need the simulated train."""
+
+    name: str
+    purpose: str
+    per_unit: bool
+    uses_world: bool
+    units: Callable[[Train], list[str]]
+    build: Callable[[Train, str, Setting], Node]
+
+
+def _world(train: Train, unit: str, setting: Setting) -> Node:  # noqa: ARG001
+    if setting.world is None:
+        raise ConfigError(train.path, "world", "needed for the role `world`")
+    return WorldNode(
+        train.name, setting.instance, setting.world.motion, setting.start_ns, train.file.fusion.period_ms * 1_000_000
+    )
+
+
+def _sensor(train: Train, unit: str, setting: Setting) -> Node:
+    sensor = train.sensors[unit]
+    try:
+        source = sensor.source(setting.world, setting.from_s)
+    except (ValueError, OSError) as error:
+        raise ConfigError(train.path, f"units.{unit}", str(error)) from error
+    return SensorNode(train.name, setting.instance, sensor, source, setting.start_ns)
+
+
+def _filter(train: Train, unit: str, setting: Setting) -> Node:
+    sensor, fusion = train.sensors[unit], train.file.fusion
+    # what is known of the speed before anything was heard: the train stands
+    share = shares(train).at(train.fused_units, 0.0, {}).get(unit, 0.0) if fusion.feedback else 1.0
+    setup = FilterSetup(
+        full_layout(train).only([unit]),
+        train.file.motion_model.jerk_psd_m2ps5,
+        prior(train),
+        round(fusion.horizon_s * NS),
+        share or 1.0,
+    )
+    kind, options = train.filters[unit]
+    order = list(train.sensors).index(unit)
+    return FilterNode(train.name, setting.instance, sensor, kind(setup, options), order, fusion.feedback)
+
+
+def _balise(train: Train, unit: str, setting: Setting) -> Node:  # noqa: ARG001
+    return BaliseNode(train.name, setting.instance, train.balise_readers, train.line)
+
+
+def _fuser(train: Train, unit: str, setting: Setting) -> Node:  # noqa: ARG001
+    return FuserNode(train.name, setting.instance, fuser_settings(train), train.line)
+
+
+def full_layout(train: Train) -> Layout:
+    """All states of a train: the common ones, then each unit's private ones, in the train file's order."""
+    blocks = ((unit, train.sensors[unit].private_states) for unit in train.fused_units)
+    return Layout(tuple((unit, states) for unit, states in blocks if states))
+
+
+def prior(train: Train) -> Prior:
+    """The train file's prior."""
+    p = train.file.prior
+    mean = np.array([p.position_m, p.speed_mps, p.acceleration_mps2])
+    return Prior(mean, np.array([p.position_std_m, p.speed_std_mps, p.acceleration_std_mps2]))
+
+
+def shares(train: Train) -> Shares:
+    """How the train file wants information shared."""
+    said = train.file.fusion.shares
+    if isinstance(said, BySpeedFile):
+        rows = said.by_speed
+        return SharesBySpeed(tuple(SpeedRow(r.below_kmh / 3.6 if r.below_kmh else math.inf, r.shares) for r in rows))
+    return FixedShares(said) if isinstance(said, dict) else SharesByAccuracy()
+
+
+def fuser_settings(train: Train) -> FuserSettings:
+    """What the train file says of fusion, as the fuser's node takes it."""
+    fusion = train.file.fusion
+    rows = [
+        UnitRow(
+            unit, order, None if sensor.period_s is None else round(sensor.period_s * NS), sensor.options.filter is not None
+        )
+        for order, (unit, sensor) in enumerate(train.sensors.items())
+    ]
+    return FuserSettings(
+        rule=fusion.rule,
+        period_ns=fusion.period_ms * 1_000_000,
+        deadline_ns=round(fusion.deadline_ms * 1e6),
+        horizon_ns=round(fusion.horizon_s * NS),
+        feedback=fusion.feedback,
+        feedback_every=fusion.feedback_every,
+        shares=shares(train),
+        sigmas=fusion.interval_sigmas,
+        lost_above_m=fusion.lost_above_m,
+        jerk_psd=train.file.motion_model.jerk_psd_m2ps5,
+        prior=prior(train),
+        layout=full_layout(train),
+        units=rows,
+    )
+
+
+def _one(name: str) -> Callable[[Train], list[str]]:
+    return lambda train: [name]  # noqa: ARG005
+
+
+ROLES: dict[str, Role] = {
+    role.name: role
+    for role in (
+        Role("fuser", "one state an epoch from all estimates and fixes", False, False, _one("fuser"), _fuser),
+        Role("filter", "a unit's local filter", True, False, lambda t: t.fused_units, _filter),
+        Role(
+            "balise", "telegrams into absolute fixes", False, False, lambda t: ["balise"] if t.balise_readers else [], _balise
+        ),
+        Role("sensor", "a unit's readings", True, True, lambda t: list(t.sensors), _sensor),
+        Role("world", "the simulated train's time and truth", False, True, lambda t: ["world"] if t.file.world else [], _world),
+    )
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Process:
+    """One process of a train: `name` is what its token, its health and its container are called."""
+
+    name: str
+    role: str
+    unit: str
+
+
+def process_name(role: str, unit: str) -> str:
+    """`sensor-radar` for a role per unit, `fuser` for the others."""
+    return f"{role}-{unit}" if ROLES[role].per_unit else role
+
+
+def processes(train: Train) -> list[Process]:
+    """All processes of a train besides the router, listeners before speakers."""
+    return [Process(process_name(role.name, unit), role.name, unit) for role in ROLES.values() for unit in role.units(train)]

@@ -1,0 +1,117 @@
+"""What a scenario file may say; deploy/scenarios/README.md is its guide."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, Field, model_validator
+
+from milepost.recordings.options import STRICT, DataPath, Span
+from milepost_schemas.message import Name
+
+from .train import Train, load_train
+from .train_file import Positive
+from .yaml_files import ConfigError, merged, read_yaml, validate
+
+Builtin = Literal["fused", "federated", "centralised"]
+Window = list[Span] | Literal["creep"]
+
+
+class WithheldFile(BaseModel):
+    """Readings of a unit that the filters do not get and that the result is compared with afterwards."""
+
+    model_config = STRICT
+    unit: Name
+    from_s: float
+    to_s: float
+
+
+class EstimatorFile(BaseModel):
+    """The scenario's train with `change` laid over it and its own rule, run through its own nodes."""
+
+    model_config = STRICT
+    change: dict[str, Any] = Field(default_factory=dict)
+    rule: Name | None = None
+
+
+class VariantFile(BaseModel):
+    """The whole comparison again under other conditions. What is not given is as in the scenario."""
+
+    model_config = STRICT
+    change: dict[str, Any] = Field(default_factory=dict)
+    compare: list[Builtin] | None = None
+    estimators: list[Name] | None = None
+    alone: list[Name] | None = None
+    windows: dict[Name, Window] = Field(default_factory=dict)
+
+
+class ClaimFile(BaseModel):
+    """What a source says of itself, and what Milepost has to reach: the figure `key` of the estimator `ours`.
+
+    `key`: a figure's name, with `.` into a map (`gap_error_m.30`). `over`: the figure divided by this estimator's, seed by
+    seed. `of`: what of all seeds the target is held against; `pooled`: their root mean square, divided by that of `over`.
+    `why`: said where the target is not met. Without a target the figure is shown and not judged.
+    """
+
+    model_config = STRICT
+    key: str
+    source: str
+    says: str
+    label: str = ""
+    at_most: float | None = None
+    at_least: float | None = None
+    of: Literal["median", "worst", "pooled"] = "median"
+    over: Name | None = None
+    variant: Name | None = None
+    ours: Name = "fused"
+    method: Name | None = "federated"
+    optimum: Name | None = "centralised"
+    why: str = ""
+
+    @model_validator(mode="after")
+    def _one_target(self) -> ClaimFile:
+        if self.at_most is not None and self.at_least is not None:
+            raise ValueError("give either at_most or at_least")
+        return self
+
+
+class ScenarioFile(BaseModel):
+    """An evaluation: a train, changes to its file, how long, what to compare, and what is to come of it.
+
+    `needs`: files without which the scenario is skipped. `seeds`: so many at most differ in anything. `scores`: the key in the
+    results → {`score`: a row of the table of scores, where the key is not its name; `within`: a window; its options}.
+    """
+
+    model_config = STRICT
+    scenario: Name
+    about: str = ""
+    train: DataPath
+    duration_s: Positive
+    seed: Annotated[int, Field(ge=0)] = 1
+    seeds: Annotated[int, Field(ge=1)] | None = None
+    needs: list[DataPath] = Field(default_factory=list)
+    change: dict[str, Any] = Field(default_factory=dict)
+    compare: list[Builtin] = ["fused", "federated", "centralised"]
+    estimators: dict[Name, EstimatorFile] = Field(default_factory=dict)
+    alone: list[Name] = Field(default_factory=list)
+    variants: dict[Name, VariantFile] = Field(default_factory=dict)
+    windows: dict[Name, Window] = Field(default_factory=dict)
+    scores: dict[Name, dict[str, Any] | None] = Field(default_factory=dict)
+    claims: list[ClaimFile] = Field(default_factory=list)
+    speed_after_s: Annotated[float, Field(ge=0.0)] = 0.0
+    withheld: WithheldFile | None = None
+
+
+def load_scenario(path: Path, seed: int | None = None, rule: str | None = None) -> tuple[ScenarioFile, Train]:
+    """A scenario and its train, with changes, seed and rule laid over the train file. Raises ConfigError."""
+    scenario = validate(path, read_yaml(path), ScenarioFile)
+    change = merged(scenario.change, {"world": {"seed": scenario.seed if seed is None else seed}})
+    if rule is not None:
+        change = merged(change, {"fusion": {"rule": rule}})
+    try:
+        return scenario, load_train(scenario.train, change)
+    except ConfigError as error:
+        # if the train is sound by itself, it is the change that is not
+        load_train(scenario.train)
+        raise ConfigError(path, "change", str(error)) from error

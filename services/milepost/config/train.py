@@ -1,0 +1,133 @@
+"""Train and scenario files loaded: everything that can be wrong with them is said before anything starts."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from milepost.estimation.filters import FILTERS
+from milepost.estimation.filters.base import LocalFilter
+from milepost.recordings.column_map import check_map
+from milepost.recordings.column_options import RecordingOptions
+from milepost.sensors import SENSORS
+from milepost.sensors.base import Sensor, World
+from milepost.track.line import Line
+from milepost_schemas import BY_NAME
+
+from .line_file import load_line
+from .train_file import BySpeedFile, TrainFile
+from .yaml_files import ConfigError, merged, read_yaml, validate, validate_dataclass
+
+
+@dataclass(frozen=True)
+class Train:
+    """A train file with everything it names loaded and checked."""
+
+    path: Path
+    file: TrainFile
+    line: Line
+    sensors: Mapping[str, Sensor[Any]]
+    filters: Mapping[str, tuple[type[LocalFilter[Any]], Any]]
+
+    @property
+    def name(self) -> str:
+        """The train's name in keys."""
+        return self.file.train
+
+    @property
+    def fused_units(self) -> list[str]:
+        """The units that a local filter speaks for, in order."""
+        return list(self.filters)
+
+    @property
+    def balise_readers(self) -> list[str]:
+        """The units that read balises."""
+        return [unit for unit, sensor in self.sensors.items() if sensor.stream == "balise_telegram"]
+
+    def world(self, until_s: float | None = None) -> World:
+        """The simulated world, until its line, its recording or `until_s` ends. Raises ConfigError if there is none."""
+        if self.file.world is None:
+            raise ConfigError(self.path, "world", "needed for simulated or replayed units")
+        file, seed = self.file.world, self.file.world.seed
+        try:
+            motion = file.motion.build(self.line, seed, until_s)
+        except ValueError as error:
+            field, _, text = str(error).partition(": ")
+            raise ConfigError(self.path, f"world.motion.{field}", text) from error
+        creep = file.creep.build(motion, self.line, seed) if file.creep else None
+        return World(motion, self.line, seed, creep)
+
+
+def load_train(path: Path, change: Mapping[str, Any] | None = None) -> Train:
+    """A train from its file, with `change` laid over it. Raises ConfigError."""
+    file = validate(path, merged(read_yaml(path), change or {}), TrainFile)
+    line = load_line(file.line)
+    sensors: dict[str, Sensor[Any]] = {}
+    filters: dict[str, tuple[type[LocalFilter[Any]], Any]] = {}
+    for unit, entry in file.units.items():
+        kind = SENSORS.get(str(entry.get("kind")))
+        if kind is None:
+            raise ConfigError(path, f"units.{unit}.kind", f"{entry.get('kind')!r} is none of {', '.join(SENSORS)}")
+        options = validate(path, entry, kind.options_model, f"units.{unit}")
+        if options.filter is not None:
+            filters[unit] = _filter(path, f"units.{unit}.filter", options.filter)
+        sensors[unit] = kind(unit, options, line)
+    train = Train(path, file, line, sensors, filters)
+    if file.world is not None and file.world.creep is not None:
+        for where, unit in file.world.creep.units_named():
+            if unit not in sensors:
+                raise ConfigError(path, f"world.creep.{where}", f"{unit} is not a unit of this train")
+    for where, unit in _units_of_shares(file.fusion.shares):
+        if unit not in filters:
+            raise ConfigError(path, f"{where}.{unit}", "is not a unit with a filter")
+    if not train.fused_units:
+        raise ConfigError(path, "units", "no unit has a filter")
+    for unit, sensor in train.sensors.items():
+        _check_source(train, unit, sensor)
+    _check_geometry(train)
+    return train
+
+
+def _filter(path: Path, field: str, named: str | dict[str, Any]) -> tuple[type[LocalFilter[Any]], Any]:
+    """A filter's row and its options, from its name alone or from a mapping with `kind`."""
+    said = {"kind": named} if isinstance(named, str) else dict(named)
+    name = said.pop("kind", None)
+    row = FILTERS.get(str(name))
+    if row is None:
+        raise ConfigError(path, field, f"{name!r} is none of {', '.join(FILTERS)}")
+    return row, validate_dataclass(path, said, row.options_model, field)
+
+
+def _units_of_shares(shares: Any) -> Iterator[tuple[str, str]]:
+    if isinstance(shares, BySpeedFile):
+        for number, row in enumerate(shares.by_speed):
+            yield from ((f"fusion.shares.by_speed.{number}.shares", unit) for unit in row.shares)
+    elif isinstance(shares, dict):
+        yield from (("fusion.shares", unit) for unit in shares)
+
+
+def _check_source(train: Train, unit: str, sensor: Sensor[Any]) -> None:
+    options, place = sensor.options, f"units.{unit}"
+    origin = None if options.source == "simulation" else getattr(options, options.source, None)
+    if options.source != "simulation" and origin is None:
+        raise ConfigError(train.path, f"{place}.{options.source}", f"needed with `source: {options.source}`")
+    if isinstance(origin, RecordingOptions):
+        try:
+            check_map(origin, BY_NAME[sensor.stream].message)
+        except ValueError as error:
+            raise ConfigError(train.path, f"{place}.recording", str(error)) from error
+    file = getattr(origin, "file", None)
+    if file is not None and not file.is_file():
+        raise ConfigError(train.path, f"{place}.{options.source}", f"{file}: no such file")
+    if file is not None and train.file.world is None:
+        raise ConfigError(train.path, "world", f"needed to replay the recording of {unit}: it owns the time")
+    if origin is not None and file is None and train.file.world is not None:
+        raise ConfigError(train.path, f"{place}.receiver", "a live receiver keeps real time: it cannot stand beside a `world`")
+
+
+def _check_geometry(train: Train) -> None:
+    for unit, sensor in train.sensors.items():
+        if sensor.stream == "position_reading" and train.line.track is None:
+            raise ConfigError(train.path, f"units.{unit}", f"needs a line with geometry, and {train.line.name} has none")

@@ -1,0 +1,124 @@
+"""What a train file may say."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import Annotated, Any, Literal
+
+from pydantic import AfterValidator, BaseModel, Discriminator, Field, Tag, model_validator
+
+from milepost.estimation.fusion import RULES
+from milepost.recordings.options import STRICT, DataPath
+from milepost_schemas.message import Name, PositionM, SpeedMps
+
+from .creep_file import CreepFile
+from .motion_file import MotionFile
+
+Positive = Annotated[float, Field(gt=0.0)]
+
+
+class PriorFile(BaseModel):
+    """What is believed before the first observation."""
+
+    model_config = STRICT
+    position_m: PositionM
+    position_std_m: Positive
+    speed_mps: SpeedMps
+    speed_std_mps: Positive
+    acceleration_mps2: float = 0.0
+    acceleration_std_mps2: Positive
+
+
+def _sums_to_one(shares: dict[str, float]) -> dict[str, float]:
+    if shares and abs(sum(shares.values()) - 1.0) > 1e-9:
+        raise ValueError(f"they must sum to 1, not {sum(shares.values()):g}")
+    return shares
+
+
+ShareTable = Annotated[dict[Name, Annotated[float, Field(ge=0.0, le=1.0)]], AfterValidator(_sums_to_one)]
+
+
+class SpeedRowFile(BaseModel):
+    """Shares below a speed; without `below_kmh`, above all."""
+
+    model_config = STRICT
+    below_kmh: Positive | None = None
+    shares: ShareTable
+
+
+class BySpeedFile(BaseModel):
+    """Shares by speed; the last row has no upper end."""
+
+    model_config = STRICT
+    by_speed: Annotated[list[SpeedRowFile], Field(min_length=1)]
+
+    @model_validator(mode="after")
+    def _rising(self) -> BySpeedFile:
+        ends = [row.below_kmh for row in self.by_speed]
+        if ends[-1] is not None or any(end is None for end in ends[:-1]):
+            raise ValueError("by_speed: every row but the last needs below_kmh")
+        if any(b <= a for a, b in pairwise(end for end in ends if end is not None)):
+            raise ValueError("by_speed: below_kmh must increase")
+        return self
+
+
+def _kind_of_shares(value: Any) -> str:
+    if isinstance(value, dict) and "by_speed" in value:
+        return "by_speed"
+    return "fixed" if isinstance(value, dict) else "by_accuracy"
+
+
+Fixed = Annotated[ShareTable, Tag("fixed")]
+BySpeed = Annotated[BySpeedFile, Tag("by_speed")]
+ByAccuracy = Annotated[Literal["by_accuracy"], Tag("by_accuracy")]
+SharesFile = Annotated[Fixed | BySpeed | ByAccuracy, Discriminator(_kind_of_shares)]
+
+
+class FusionFile(BaseModel):
+    """How the fuser works; DESIGN's defaults. Feedback goes out with every `feedback_every`-th state."""
+
+    model_config = STRICT
+    rule: str = "information"
+    period_ms: Annotated[int, Field(ge=1, le=1000)] = 20
+    deadline_ms: Annotated[float, Field(ge=0.0, le=1000.0)] = 15.0
+    horizon_s: Annotated[float, Field(ge=0.1, le=60.0)] = 5.0
+    feedback: bool = True
+    feedback_every: Annotated[int, Field(ge=1, le=1000)] = 1
+    shares: SharesFile = Field(default_factory=dict)
+    interval_sigmas: Positive = 5.0
+    lost_above_m: Positive = 100.0
+
+    @model_validator(mode="after")
+    def _known(self) -> FusionFile:
+        if self.rule not in RULES:
+            raise ValueError(f"rule: {self.rule!r} is none of {', '.join(RULES)}")
+        return self
+
+
+class WorldFile(BaseModel):
+    """The train that is not there. Absent on a real train."""
+
+    model_config = STRICT
+    seed: Annotated[int, Field(ge=0)] = 1
+    motion: MotionFile
+    creep: CreepFile | None = None
+
+
+class MotionModelFile(BaseModel):
+    """The estimator's motion model: white jerk of this density."""
+
+    model_config = STRICT
+    jerk_psd_m2ps5: Positive
+
+
+class TrainFile(BaseModel):
+    """A train: its line, its units in order, how they are fused."""
+
+    model_config = STRICT
+    train: Name
+    line: DataPath
+    motion_model: MotionModelFile
+    prior: PriorFile
+    fusion: FusionFile = Field(default_factory=FusionFile)
+    world: WorldFile | None = None
+    units: Annotated[dict[Name, dict[str, Any]], Field(min_length=1)]

@@ -1,0 +1,127 @@
+"""What one offline run said."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from milepost.config.train import Train
+from milepost.estimation.centralised import Reading
+from milepost.estimation.layout import N_COMMON, PLACES_OF_COMMON, Array, Layout
+from milepost.estimation.timeline import Observation
+from milepost.nodes.base import Output
+from milepost.nodes.observations import POSITION, of_fix, of_reading
+from milepost.offline.memory_bus import Tap
+from milepost.sensors.base import Belief, Observer
+from milepost_schemas import AbsoluteFix, Estimate, Feedback, FusedState, Gaussian, Message, Truth
+
+
+class Part(NamedTuple):
+    """Some states' means and variances."""
+
+    means: list[float]
+    variances: list[float]
+
+
+def private_part(belief: Gaussian) -> Part:
+    """What a belief says of private states."""
+    P = belief.covariance
+    return Part(list(belief.mean[N_COMMON:]), [P[i][i] for i in range(N_COMMON, len(P))])
+
+
+@dataclass
+class Heard:
+    """What one offline run said: truth, readings and fixes, states, and private states as they last stood.
+
+    `private`: epoch → (means, variances), in the order of the train's layout: as they went back with the feedback, or, where
+    the rule fuses none, as each filter believed. `counted`: unit → the times of the observations
+    that its filter sent to the fuser.
+    """
+
+    train: Train
+    also: Tap | None = None
+    truth: dict[int, tuple[float, float, float]] = field(default_factory=dict)
+    said: list[tuple[int, Message]] = field(default_factory=list)
+    live: dict[int, FusedState] = field(default_factory=dict)
+    settled: dict[int, FusedState] = field(default_factory=dict)
+    private: dict[int, tuple[list[float], list[float]]] = field(default_factory=dict)
+    counted: dict[str, set[int]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self._orders = {unit: order for order, unit in enumerate(self.train.sensors)}
+        self._believed = {unit: Part([], []) for unit, sensor in self.train.sensors.items() if sensor.private_states}
+
+    def tap(self, output: Output, now_ns: int) -> None:
+        """One message on the bus."""
+        message = output.message
+        if self.also is not None:
+            self.also(output, now_ns)
+        if isinstance(message, Truth):
+            self.truth[message.measured_at_ns] = (message.position_m, message.speed_mps, message.acceleration_mps2)
+        elif isinstance(message, FusedState):
+            self.live[message.measured_at_ns] = message
+        elif isinstance(message, Feedback):
+            self._note_private(message)
+        elif isinstance(message, Estimate):
+            if message.unit in self._believed:
+                self._believed[message.unit] = private_part(message.belief)
+            self.counted.setdefault(message.unit, set()).update(o.measured_at_ns for o in message.observations)
+        elif isinstance(message, AbsoluteFix):
+            self.said.append((self._orders[message.reader], message))
+        elif output.stream.endswith("_reading"):
+            self.said.append((self._orders[message.unit], message))
+
+    def _note_private(self, feedback: Feedback) -> None:
+        fused, believed = private_part(feedback.fused), self._believed.values()
+        if fused.means:
+            self.private[feedback.measured_at_ns] = fused
+        elif believed and all(part.means for part in believed):
+            means, variances = ([value for part in believed for value in part[i]] for i in (0, 1))
+            self.private[feedback.measured_at_ns] = Part(means, variances)
+
+    def keep(self, state: FusedState) -> None:
+        """One settled state."""
+        self.settled[state.measured_at_ns] = state
+
+    def readings(self, unit: str | None = None) -> list[Reading]:
+        """Readings and fixes for a centralised pass, seen by observers of its own; of one unit, or of all."""
+        observers = {name: sensor.observer() for name, sensor in self.train.sensors.items()}
+        return [
+            _reading(order, message, observers)
+            for order, message in self.said
+            if unit is None or unit == (message.reader if isinstance(message, AbsoluteFix) else message.unit)
+        ]
+
+    def begins_ns(self, mean: Array, covariance: Array, layout: Layout) -> int | None:
+        """The time of the earliest reading that says anything, given the prior over all states: there the prior sits."""
+        observers = {name: sensor.observer() for name, sensor in self.train.sensors.items()}
+        for order, message in sorted(self.said, key=lambda said: (said[1].measured_at_ns, said[0], said[1].sequence)):
+            reading = _reading(order, message, observers)
+            own = list(layout.indices.get(reading.unit, PLACES_OF_COMMON))
+            if tuple(reading.observe(mean[own], covariance[np.ix_(own, own)])):
+                return reading.measured_at_ns
+        return None
+
+    @property
+    def observations(self) -> list[Observation]:
+        """What fixes and the readings of linear sensors say, whatever is believed."""
+        out = []
+        for order, message in self.said:
+            if isinstance(message, AbsoluteFix):
+                out.append(of_fix(message, order))
+            else:
+                out += of_reading(message, order, self.train.sensors[message.unit].observe(message, None))
+        return out
+
+
+def _reading(order: int, message: Any, observers: Mapping[str, Observer]) -> Reading:
+    if isinstance(message, AbsoluteFix):
+        o = of_fix(message, order)
+        rows = [(POSITION, o.value, o.variance)]
+        return Reading(*o[:4], message.reader, lambda mean, covariance: rows)  # noqa: ARG005
+    observe = observers[message.unit].observe
+    head = (message.measured_at_ns, order, message.sequence, message.instance)
+    return Reading(*head, message.unit, lambda mean, covariance: observe(message, Belief(mean, covariance)))

@@ -1,0 +1,89 @@
+"""A whole train on the memory bus: as fast as it goes, the same from run to run."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+
+from milepost.config.roles import NS, ROLES, Setting, processes
+from milepost.config.train import Train
+from milepost.nodes.base import Node
+from milepost.nodes.fuser import FuserNode
+from milepost_schemas import FusedState, Message
+
+from .collector import rare_collection
+from .memory_bus import MemoryBus, Tap
+
+# scenario time 0 of every offline run: a whole second of UTC, so that runs and recordings compare
+OFFLINE_START_NS = 1_700_000_000 * NS
+
+
+@dataclass
+class OfflineRun:
+    """Nodes on a memory bus, collecting the fuser's settled states."""
+
+    train: Train
+    nodes: list[Node]
+    tap: Tap | None = None
+    settled: Callable[[FusedState], None] | None = None
+    bus: MemoryBus = field(init=False)
+
+    def __post_init__(self) -> None:
+        fuser = next((node for node in self.nodes if isinstance(node, FuserNode)), None)
+        if fuser is None:
+            raise ValueError("an offline run needs a fuser")
+        self._fuser = fuser
+        self.bus = MemoryBus(self.nodes, self.tap, self._settle if self.settled else None)
+
+    def _settle(self, now_ns: int | None) -> None:
+        for state in self._fuser.settled_states(now_ns):
+            if self.settled:
+                self.settled(state)
+
+    def finish(self) -> None:
+        """Settle what is left."""
+        if self.settled:
+            self._settle(None)
+
+
+def simulate(
+    train: Train,
+    duration_s: float,
+    tap: Tap | None = None,
+    settled: Callable[[FusedState], None] | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> None:
+    """Run all of a simulated train's processes for `duration_s` of scenario time. `progress` is told the time done."""
+    setting = Setting("offline", train.world(duration_s), OFFLINE_START_NS)
+    nodes = [ROLES[p.role].build(train, p.unit, setting) for p in processes(train)]
+    run = OfflineRun(train, nodes, tap, settled)
+    end_ns = OFFLINE_START_NS + round(min(duration_s, setting.world.motion.end_s if setting.world else duration_s) * NS)
+    done = OFFLINE_START_NS
+    with rare_collection():
+        while done <= end_ns:
+            done = min(done + NS, end_ns + 1)
+            run.bus.run_until(done)
+            if progress is not None:
+                progress((done - OFFLINE_START_NS) / NS)
+        run.finish()
+
+
+def replay(
+    train: Train,
+    messages: Iterable[tuple[str, str, Message, int]],
+    from_estimates: bool,
+    settled: Callable[[FusedState], None],
+    tap: Tap | None = None,
+) -> None:
+    """Run filters, balise service and fuser, or the fuser alone, on (stream, unit, message, received_at_ns)."""
+    roles = ("fuser",) if from_estimates else ("fuser", "filter", "balise")
+    setting = Setting("rerun")
+    nodes = [ROLES[p.role].build(train, p.unit, setting) for p in processes(train) if p.role in roles]
+    run = OfflineRun(train, nodes, tap, settled)
+    now_ns = 0
+    with rare_collection():
+        for stream, unit, message, received_ns in messages:
+            now_ns = max(now_ns, received_ns)
+            run.bus.run_until(now_ns)
+            run.bus.inject(stream, unit, message, now_ns)
+        run.finish()

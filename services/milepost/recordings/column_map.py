@@ -1,0 +1,212 @@
+"""A user's own log as readings of any kind of sensor: the rows of its CSV file by the train file's column map."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping
+from functools import partial
+from itertools import groupby
+from typing import Any, NamedTuple, get_args
+
+from pydantic import ValidationError
+from pydantic.fields import FieldInfo
+
+from milepost_schemas import Message
+
+from .column_options import ColumnOptions, RecordingOptions
+from .measured import Measured
+from .table import Cell, read_table
+from .units import factor, unit_of
+
+TIME = "time"
+# valid values of the fields that every message has, to see whether a row's own make a message
+HEAD: dict[str, Any] = {"train": "t", "unit": "u", "instance": "i", "sequence": 0, "measured_at_ns": 1, "published_at_ns": 1}
+
+
+# the fields that say over how long a reading is a mean
+INTERVALS = ("interval_s", "mean_over_s")
+
+
+class Recorded(NamedTuple):
+    """A reading of a recording, and when its last row was there."""
+
+    ready_s: float
+    reading: Measured
+
+
+def check_map(options: RecordingOptions, message: type[Message]) -> None:
+    """Whether a map can make messages. Raises ValueError for a field that is not theirs, one that lacks, and a wrong unit."""
+    known = {name: field for name, field in message.model_fields.items() if name not in Message.model_fields}
+    given = [*options.columns, *options.constants]
+    for name in given:
+        if name not in known:
+            raise ValueError(f"columns.{name}: {message.SCHEMA} has no such field; it has {', '.join(known)}")
+    for name, field in known.items():
+        derived = name in INTERVALS and options.average_s is not None
+        if field.is_required() and name not in given and not derived:
+            raise ValueError(f"columns.{name}: {message.SCHEMA} needs it")
+    _cells(options, message)
+
+
+def _cells(options: RecordingOptions, message: type[Message]) -> dict[str, Cell]:
+    cells = {TIME: Cell(options.time.column, options.time.seconds)}
+    for name, columns in options.columns.items():
+        field = message.model_fields[name]
+        for number, column in enumerate(columns if isinstance(columns, list) else [columns]):
+            try:
+                read = _reader(name, column, field.annotation)
+            except ValueError as error:
+                raise ValueError(f"columns.{name}: {error}") from error
+            key = f"{name}.{number}" if isinstance(columns, list) else name
+            cells[key] = Cell(column.column, read, optional=not field.is_required())
+    return cells
+
+
+def _reader(name: str, column: ColumnOptions, annotation: Any) -> Callable[[str], Any]:
+    if column.values is not None:
+        return partial(_word, column.values)
+    if _holds(annotation, float):
+        if column.unit is None and unit_of(name) != "1":
+            raise ValueError(f"give its unit, such as {unit_of(name)}")
+        return partial(_number, factor(column.unit or "1", name) * column.scale)
+    if column.unit is not None:
+        raise ValueError("has no unit")
+    return _count if _holds(annotation, int) else str.strip
+
+
+def _holds(annotation: Any, kind: type) -> bool:
+    return annotation is kind or any(_holds(inner, kind) for inner in get_args(annotation))
+
+
+def _as_field(value: Any, field: FieldInfo) -> Any:
+    """A constant written as a whole number, 1, where the field is a measure: a mean must not take it for a count."""
+    whole = isinstance(value, int) and not isinstance(value, bool)
+    return float(value) if whole and _holds(field.annotation, float) else value
+
+
+def _word(values: Mapping[str, Any], text: str) -> Any:
+    word = text.strip()
+    if word in values:
+        return values[word]
+    begins = [key for key in values if key.endswith("*") and word.startswith(key[:-1])]
+    if not begins:
+        raise ValueError(f"{word!r} is none of {', '.join(values)}")
+    return values[max(begins, key=len)]
+
+
+def _number(scale: float, text: str) -> float:
+    value = float(text) * scale
+    if not math.isfinite(value):
+        raise ValueError(f"{text} is not finite")
+    return value
+
+
+def _count(text: str) -> int:
+    value = float(text)
+    if not math.isfinite(value) or value != int(value):
+        raise ValueError(f"{text} is not a whole number")
+    return int(value)
+
+
+class CsvSource:
+    """The readings of a recording from scenario time `from_s` on, at their own pace, read as they are needed.
+
+    A row that is not after the one before is skipped: `skipped` counts them, and `told` has the place of the first.
+    The whole file is looked through first. Raises ValueError, naming file, line and column, for a row that cannot be
+    read, and where what the map makes of the first row is no message.
+    """
+
+    def __init__(self, options: RecordingOptions, message: type[Message], from_s: float) -> None:
+        check_map(options, message)
+        self._options = options
+        self._constants = {name: _as_field(value, message.model_fields[name]) for name, value in options.constants.items()}
+        self._from_s = max(from_s, 0.0)
+        self._vectors = {name: len(columns) for name, columns in options.columns.items() if isinstance(columns, list)}
+        self._intervals = [name for name in INTERVALS if name in message.model_fields and name not in options.columns]
+        self.skipped: dict[str, int] = {}
+        self.told: dict[str, str] = {}
+        cells = _cells(options, message)
+        if sum(1 for _ in self._rows(cells)) < 1:
+            raise ValueError(f"{options.file}: no row")
+        self.skipped.clear()
+        rows = self._rows(cells)
+        readings = rows if options.average_s is None else self._averaged(rows, options.average_s)
+        self._readings = (recorded for recorded in readings if recorded.reading.measured_s >= self._from_s)
+        self._next = next(self._readings, None)
+        if self._next is not None:
+            self._check(message, self._next.reading.fields)
+
+    def next_s(self) -> float | None:
+        """When the next reading is ready."""
+        return None if self._next is None else self._next.ready_s
+
+    def read(self) -> Measured | None:
+        """The next reading."""
+        recorded, self._next = self._next, next(self._readings, None)
+        return None if recorded is None else recorded.reading
+
+    def _check(self, message: type[Message], fields: dict[str, Any]) -> None:
+        try:
+            message(**HEAD, **fields)
+        except ValidationError as error:
+            first = error.errors(include_url=False)[0]
+            place = ".".join(str(part) for part in first["loc"])
+            text = first["msg"].removeprefix("Value error, ")
+            raise ValueError(f"{self._options.file}: the first reading: {place}{': ' if place else ''}{text}") from error
+
+    def _skip(self, reason: str, text: str) -> None:
+        self.skipped[reason] = self.skipped.get(reason, 0) + 1
+        self.told.setdefault(reason, f"{self._options.file}: {text}")
+
+    def _rows(self, cells: Mapping[str, Cell]) -> Iterator[Recorded]:
+        time = self._options.time
+        zero_s = None if time.zero_at is None else time.seconds(str(time.zero_at))
+        last_s = -math.inf
+        for line, values, error in read_table(self._options.file, cells):
+            if error is not None:
+                raise ValueError(f"{self._options.file}: {error}")
+            stamp = values.pop(TIME)
+            zero_s = stamp if zero_s is None else zero_s
+            # times since 1970 are good to a quarter of a microsecond
+            at = round(stamp - zero_s + self._options.shift_s, 6)
+            if at <= last_s:
+                self._skip("out_of_order", f"line {line}: {time.column}: not after the row before")
+                continue
+            last_s = at
+            yield Recorded(at, Measured(at, self._fields(values)))
+
+    def _fields(self, values: dict[str, Any]) -> dict[str, Any]:
+        for name, size in self._vectors.items():
+            parts = [values.pop(f"{name}.{number}") for number in range(size)]
+            values[name] = None if None in parts else parts
+        return self._constants | {name: value for name, value in values.items() if value is not None}
+
+    def _averaged(self, rows: Iterator[Recorded], average_s: float) -> Iterator[Recorded]:
+        # a row on the boundary belongs to the window that it ends
+        for _, window in groupby(rows, lambda row: math.ceil(row.ready_s / average_s - 1e-9)):
+            yield self._mean([row.reading for row in window], average_s)
+
+    def _mean(self, rows: list[Measured], average_s: float) -> Recorded:
+        """The mean of the rows of one window, true at the mean of their times where the quantity changes evenly.
+
+        Of white errors the variance of the mean is 1/n of a row's, and a standard deviation 1/√n of it.
+        """
+        fields: dict[str, Any] = {}
+        for name in rows[-1].fields:
+            fields[name] = _mean_of(name, [row.fields[name] for row in rows if name in row.fields])
+        fields |= dict.fromkeys(self._intervals, average_s)
+        return Recorded(rows[-1].measured_s, Measured(sum(row.measured_s for row in rows) / len(rows), fields))
+
+
+def _mean_of(name: str, said: list[Any]) -> Any:
+    last, n = said[-1], len(said)
+    if isinstance(last, list):
+        return [sum(column) / n for column in zip(*said, strict=True)]
+    if not isinstance(last, float):
+        return last
+    if name == "course_deg":
+        return math.degrees(math.atan2(*(sum(f(math.radians(a)) for a in said) for f in (math.sin, math.cos)))) % 360.0
+    mean = sum(said) / n
+    if "variance" in name.split("_"):
+        return mean / n
+    return mean / math.sqrt(n) if "std" in name.split("_") else mean

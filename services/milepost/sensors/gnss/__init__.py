@@ -1,0 +1,1 @@
+"""Satellite receivers: fixes, their monitor, and devices that speak NMEA or UBX."""

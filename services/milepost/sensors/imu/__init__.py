@@ -1,0 +1,1 @@
+"""The strapdown inertial unit, and the error that it can learn."""

@@ -1,0 +1,89 @@
+"""Antennas that cross the loop, and the device that makes one reading of what they saw."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from milepost.simulation.motion import Motion
+
+from .crossings import Crossings, Unseen
+
+# an antenna that saw so many pulses fewer than the other is over a joint: one is missed, one more may be on its way
+BLIND = 3
+
+
+class Pulses(NamedTuple):
+    """What an antenna saw in a window: how many pulses, the time of the last one, and of the last one before the window."""
+
+    passed: int
+    last_s: float
+    before_s: float | None
+
+
+class Antenna:
+    """One antenna, `offset_m` ahead of the train's position; it sees crossings from (t, s) on."""
+
+    def __init__(self, crossings: Crossings, unseen: Unseen, motion: Motion, offset_m: float, position_m: float) -> None:
+        self._crossings, self._unseen, self._motion, self._offset = crossings, unseen, motion, offset_m
+        self._k = crossings.last_before(position_m + offset_m)
+        self._next_m = self._next()
+        self._pulse_s: float | None = None
+
+    def look(self, t0: float, s0: float, t1: float, s1: float, v1: float) -> Pulses | None:
+        """The pulses of the window (t0, t1], in which the train went from s0 to s1; None where there was none."""
+        reach, count, last_m = s1 + self._offset, 0, 0.0
+        while self._next_m <= reach:
+            count, last_m = count + 1, self._next_m
+            self._next_m = self._next()
+        if not count:
+            return None
+        pulse_s = crossed_at(self._motion, last_m - self._offset, t0, s0, t1, s1, v1)
+        before_s, self._pulse_s = self._pulse_s, pulse_s
+        return Pulses(count, pulse_s, before_s)
+
+    def _next(self) -> float:
+        self._k += 1
+        while self._k in self._unseen:
+            self._k += 1
+        return self._crossings.position(self._k)
+
+
+class Single:
+    """A device with one antenna."""
+
+    def choose(self, seen: Sequence[Pulses | None]) -> Pulses | None:
+        """What the antenna saw."""
+        return seen[0]
+
+
+class Pair:
+    """A device with two antennas: the second one's pulses where the first is over a joint.
+
+    Each antenna's pulses are compared with those of the other since its own last pulse. The mean of both would be no
+    better than one: they cross the same pitches, with the same errors, one after the other.
+    """
+
+    def __init__(self) -> None:
+        self._of_other = [0, 0]
+
+    def choose(self, seen: Sequence[Pulses | None]) -> Pulses | None:
+        """What a reading is made of."""
+        counts = [0 if pulses is None else pulses.passed for pulses in seen]
+        blind = []
+        for i in (0, 1):
+            self._of_other[i] += counts[1 - i]
+            blind.append(self._of_other[i] - counts[i] >= BLIND)
+            if counts[i]:
+                self._of_other[i] = 0
+        if blind[0]:
+            return None if blind[1] else seen[1]
+        return seen[0]
+
+
+def crossed_at(motion: Motion, at_m: float, t0: float, s0: float, t1: float, s1: float, v1: float) -> float:
+    """The time in [t0, t1] at which the train passed `at_m`: the chord's, then one Newton step (over 10 ms: to 1e-12 s)."""
+    t = t0 + (at_m - s0) / (s1 - s0) * (t1 - t0)
+    s, v, _ = motion.at(t)
+    t += (at_m - s) / max(v, 0.5 * v1, 1e-3)
+    return min(max(t, t0), t1)

@@ -1,0 +1,1 @@
+"""Wheels that count their turning: the device, slip, and the calibration that is kept."""

@@ -1,0 +1,1 @@
+"""Doppler radars of one or two beams."""

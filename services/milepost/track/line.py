@@ -1,0 +1,64 @@
+"""What is known of a line: its chainage, its balises, its profile and, where it has one, its track on the earth."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from bisect import bisect_right
+from dataclasses import dataclass, field
+from typing import Any
+
+from .track import Track
+
+
+@dataclass(frozen=True, slots=True)
+class Balise:
+    """A balise and its chainage; `location_accuracy_m` is how well the line knows it."""
+
+    balise_id: str
+    position_m: float
+    location_accuracy_m: float
+
+
+@dataclass(frozen=True)
+class Line:
+    """What is known of the line: name, length, balises in order of chainage, map accuracy, perhaps geometry and profile.
+
+    `gradient`: (position_m, slope) in order of position, slope in metres of rise per metre, linear between them.
+    `tunnels`: (from_m, to_m), in order, apart from each other.
+    """
+
+    name: str
+    length_m: float
+    balises: tuple[Balise, ...]
+    map_accuracy_m: float = 0.0
+    track: Track | None = None
+    content: dict[str, Any] = field(default_factory=dict, repr=False)
+    gradient: tuple[tuple[float, float], ...] = ()
+    tunnels: tuple[tuple[float, float], ...] = ()
+
+    def slope_at(self, position_m: float) -> float:
+        """Rise per metre of travel towards higher chainage; level where no gradient is known, held beyond the ends."""
+        gradient = self.gradient
+        if not gradient:
+            return 0.0
+        i = bisect_right(gradient, position_m, key=_position)
+        if i == 0 or i == len(gradient):
+            return gradient[min(i, len(gradient) - 1)][1]
+        (from_m, from_slope), (to_m, to_slope) = gradient[i - 1], gradient[i]
+        return from_slope + (position_m - from_m) / (to_m - from_m) * (to_slope - from_slope)
+
+    def in_tunnel(self, position_m: float) -> bool:
+        """Whether the sky is hidden at a position: in [from, to) of a tunnel."""
+        i = bisect_right(self.tunnels, position_m, key=_position)
+        return i > 0 and position_m < self.tunnels[i - 1][1]
+
+    @property
+    def content_hash(self) -> str:
+        """The first 16 hex digits of the SHA-256 of the line's content: tells whether two processes mean the same line."""
+        text = json.dumps(self.content, sort_keys=True, separators=(",", ":"))
+        return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def _position(row: tuple[float, float]) -> float:
+    return row[0]
