@@ -36,7 +36,7 @@ def ours(kernel: ScalarKernel | ArrayKernel) -> Callable[[], object]:
 
     def step() -> None:
         nonlocal state
-        state = kernel.observe(kernel.advance(state, DT), ROW, 20.0, R)
+        state = kernel.update(kernel.advance(state, DT), ROW, 20.0, R)
 
     return step
 

@@ -15,7 +15,7 @@ from milepost.config.train import Train, load_train
 from milepost.estimation.kalman import predict, update
 from milepost.estimation.layout import Layout
 from milepost.estimation.motion import full_process_noise, full_transition
-from milepost.evaluation.run_log import Heard
+from milepost.evaluation.run_log import RunLog
 from milepost.offline.run import simulate
 
 MAGLEV = Path("deploy/trains/maglev.yaml")
@@ -34,14 +34,14 @@ def bounds_of_mean(degrees: int, samples: int) -> tuple[float, float]:
     return quantile(-1.96) / samples, quantile(1.96) / samples
 
 
-def run(train: Train, length_s: float) -> Heard:
-    heard = Heard(train)
-    simulate(train, length_s, heard.tap, heard.keep)
-    return heard
+def run(train: Train, length_s: float) -> RunLog:
+    log = RunLog(train)
+    simulate(train, length_s, log.tap, log.keep)
+    return log
 
 
-def nees(heard: Heard, at: int) -> float:
-    state, truth = heard.settled[at], heard.truth[at]
+def nees(log: RunLog, at: int) -> float:
+    state, truth = log.settled[at], log.truth[at]
     e = np.array([state.position_m, state.speed_mps, state.acceleration_mps2]) - truth
     P = np.array(state.covariance)
     scale = np.sqrt(np.diag(P))
@@ -49,7 +49,7 @@ def nees(heard: Heard, at: int) -> float:
 
 
 @pytest.fixture(scope="module")
-def monte_carlo() -> list[Heard]:
+def monte_carlo() -> list[RunLog]:
     """Sixty trains that differ in everything that is random."""
     return [run(load_train(MAGLEV, {"world": {"seed": 5000 + i, "motion": NO_DRIVER}}), LENGTH_S) for i in range(RUNS)]
 
@@ -57,23 +57,23 @@ def monte_carlo() -> list[Heard]:
 @pytest.mark.parametrize("at_s", [1.0, 4.0, 7.5])
 def test_the_errors_of_sixty_trains_are_as_large_as_their_covariances_say(monte_carlo, at_s):
     """Before and after the first balise, at 5 s."""
-    values = [nees(heard, 1_700_000_000_000_000_000 + round(at_s * 1e9)) for heard in monte_carlo]
+    values = [nees(log, 1_700_000_000_000_000_000 + round(at_s * 1e9)) for log in monte_carlo]
     low, high = bounds_of_mean(3, len(values))
     assert low < np.mean(values) < high
 
 
 def test_the_truth_is_inside_every_published_interval(monte_carlo):
-    pairs = [(heard.live[at], truth) for heard in monte_carlo for at, truth in heard.truth.items() if at in heard.live]
+    pairs = [(log.live[at], truth) for log in monte_carlo for at, truth in log.truth.items() if at in log.live]
     assert len(pairs) > 0.99 * RUNS * LENGTH_S * 50
     assert all(s.position_min_m <= t[0] <= s.position_max_m for s, t in pairs)
     assert all(s.speed_min_mps <= t[1] <= s.speed_max_mps for s, t in pairs)
 
 
-def innovations(train: Train, heard: Heard) -> dict[str, list[float]]:
+def innovations(train: Train, log: RunLog) -> dict[str, list[float]]:
     """ν²/S of every observation in one pass of the centralised filter, by unit."""
     p, q = prior(train), train.file.motion_model.jerk_psd_m2ps5
     x, P = Layout().prior(p.mean, p.std)
-    ordered = sorted(heard.observations, key=lambda o: o[:5])
+    ordered = sorted(log.observations, key=lambda o: o[:5])
     at, out = ordered[0].measured_at_ns, {}
     for o in ordered:
         dt = (o.measured_at_ns - at) * 1e-9
@@ -88,8 +88,8 @@ def innovations(train: Train, heard: Heard) -> dict[str, list[float]]:
 
 def test_every_sensors_innovations_are_as_large_as_predicted(monte_carlo):
     by_unit: dict[str, list[float]] = {}
-    for heard in monte_carlo:
-        for unit, values in innovations(heard.train, heard).items():
+    for log in monte_carlo:
+        for unit, values in innovations(log.train, log).items():
             by_unit.setdefault(unit, []).extend(values)
     assert set(by_unit) == {"radar", "loop", "balise-reader"}
     for unit, values in by_unit.items():
@@ -99,7 +99,7 @@ def test_every_sensors_innovations_are_as_large_as_predicted(monte_carlo):
 
 def test_a_wrong_variance_would_be_noticed(monte_carlo):
     """The test above can fail: a radar whose variance is stated ten per cent too small is outside its bounds."""
-    values = np.concatenate([innovations(heard.train, heard)["radar"] for heard in monte_carlo]) / 0.9
+    values = np.concatenate([innovations(log.train, log)["radar"] for log in monte_carlo]) / 0.9
     low, high = bounds_of_mean(1, len(values))
     assert not low < np.mean(values) < high
 

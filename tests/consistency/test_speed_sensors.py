@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from milepost.config.train import load_train
-from milepost.evaluation.run_log import Heard
+from milepost.evaluation.run_log import RunLog
 from milepost.offline.run import simulate
 
 RUNS, LENGTH_S, START_NS = 16, 4.0, 1_700_000_000_000_000_000
@@ -31,12 +31,12 @@ def settled_nees(seed: int) -> list[float]:
     """NEES of the settled [s, v, a] before and after the first balise, which comes at about 1.7 s."""
     motion = {"driver_time_s": None, "profile": [[0.0, 60.0]], "start_std": [0.5, 2.0, 0.01]}
     train = load_train(Path("deploy/trains/maglev.yaml"), {**TRAIN, "world": {"seed": seed, "motion": motion}})
-    heard = Heard(train)
-    simulate(train, LENGTH_S, heard.tap, heard.keep)
+    log = RunLog(train)
+    simulate(train, LENGTH_S, log.tap, log.keep)
     out = []
     for at_s in (1.0, 3.5):
         at = START_NS + round(at_s * 1e9)
-        state, truth = heard.settled[at], heard.truth[at]
+        state, truth = log.settled[at], log.truth[at]
         P = np.array(state.covariance)
         scale = np.sqrt(np.diag(P))
         e = (np.array([state.position_m, state.speed_mps, state.acceleration_mps2]) - truth) / scale

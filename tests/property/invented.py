@@ -11,6 +11,7 @@ from milepost.estimation.filters.base import FilterSetup
 from milepost.estimation.filters.kalman import KalmanFilter, KalmanOptions
 from milepost.estimation.layout import Layout, PrivateState
 from milepost.estimation.shares import FixedShares
+from milepost.estimation.time_units import NS_PER_S
 from milepost.nodes.filter import FilterNode
 from milepost.nodes.fuser import FuserNode, FuserSettings
 from milepost.nodes.roster import UnitRow
@@ -18,11 +19,10 @@ from milepost.sensors.base import Observed, Sensor, SensorOptions
 from milepost.track.line import Line
 from milepost_schemas import AbsoluteFix, SpeedReading
 
-NS = 1_000_000_000
-T0 = 1_000 * NS
+T0 = 1_000 * NS_PER_S
 Q = 1e-3
 PRIOR = Prior(np.array([0.0, 20.0, 0.0]), np.array([1.0, 0.5, 0.1]))
-HORIZON_NS = 5 * NS
+HORIZON_NS = 5 * NS_PER_S
 BIAS = PrivateState("bias", 0.0, 0.3, time_constant_s=50.0, noise_psd=1e-4)
 SCALE = PrivateState("scale", 0.0, 0.001)
 
@@ -96,13 +96,13 @@ def filter_of(units: dict[str, Sensor], name: str, instance: str = "i0") -> Filt
 
 
 def reading(unit: str, sequence: int, t_s: float, speed: float, variance: float, instance: str = "s0") -> SpeedReading:
-    at = T0 + round(t_s * NS)
+    at = T0 + round(t_s * NS_PER_S)
     head = {"train": "t", "unit": unit, "instance": instance, "sequence": sequence}
     return SpeedReading(**head, measured_at_ns=at, published_at_ns=at, speed_mps=speed, speed_variance_m2ps2=variance)
 
 
 def fix(sequence: int, t_s: float, position: float, variance: float = 4e-4) -> AbsoluteFix:
-    at = T0 + round(t_s * NS)
+    at = T0 + round(t_s * NS_PER_S)
     return AbsoluteFix(
         train="t",
         unit="balise",

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from invented import NS, T0, Plain, drive, filter_of, fix, fuser_of, reading, sensors
+from invented import NS_PER_S, T0, Plain, drive, filter_of, fix, fuser_of, reading, sensors
 from pydantic import ValidationError
 
 from milepost.track.track import Track
@@ -32,7 +32,7 @@ def test_a_fuser_that_was_away_for_an_hour_is_unsure_not_wrong():
     head = {"train": "t", "unit": "fuser", "instance": "old", "sequence": 0, "measured_at_ns": T0, "published_at_ns": T0}
     fused = Gaussian(states=names, mean=[5000.0, 20.0, 0.0], covariance=np.eye(3).tolist())
     feedback = Feedback(**head, fused=fused, shares={"plain": 1.0})
-    fuser, later = fuser_of(units), T0 + 3600 * NS
+    fuser, later = fuser_of(units), T0 + 3600 * NS_PER_S
     assert fuser.catch_up(feedback, later)
     outputs = []
     for i in range(50):
@@ -62,7 +62,7 @@ def test_feedback_from_the_future_is_not_continued_from():
     fuser = fuser_of(units)
     outputs = run(units, readings, fuser, {"plain": filter_of(units, "plain")})
     feedback = [o.message for o in outputs if o.stream == "feedback"][-1]
-    assert not fuser_of(units).catch_up(feedback, feedback.measured_at_ns - 2 * NS)
+    assert not fuser_of(units).catch_up(feedback, feedback.measured_at_ns - 2 * NS_PER_S)
 
 
 @pytest.mark.parametrize("ahead_s", [-10.0, 3600.0])
@@ -88,7 +88,7 @@ def test_feedback_with_a_vanishing_share_is_left_alone():
     feedback = next(o.message for o in outputs if o.stream == "feedback")
     tiny = feedback.model_copy(update={"shares": {"plain": 1e-320}})
     list(local.step(tiny, readings[-1].measured_at_ns))
-    assert list(local.step(reading("plain", 999, 1.2, 20.0, 0.04), T0 + round(1.2 * NS)))
+    assert list(local.step(reading("plain", 999, 1.2, 20.0, 0.04), T0 + round(1.2 * NS_PER_S)))
 
 
 @pytest.mark.parametrize(
@@ -118,8 +118,8 @@ def test_beliefs_from_another_time_or_without_variance_are_refused_and_counted(r
     for e in estimates:
         list(fuser.step(e, e.measured_at_ns))
     now, last = estimates[-1].measured_at_ns, estimates[-1]
-    observation = last.observations[0].model_copy(update={"measured_at_ns": now + 3600 * NS, "reading_sequence": 9999})
-    ahead = last.model_copy(update={"measured_at_ns": now + 3600 * NS, "observations": [observation]})
+    observation = last.observations[0].model_copy(update={"measured_at_ns": now + 3600 * NS_PER_S, "reading_sequence": 9999})
+    ahead = last.model_copy(update={"measured_at_ns": now + 3600 * NS_PER_S, "observations": [observation]})
     assert [o.message.code for o in fuser.step(ahead, now) if o.stream == "event"] == ["refused_from_future"]
     nothing = last.belief.model_copy(update={"covariance": [[0.0] * 3] * 3})
     list(fuser.step(last.model_copy(update={"belief": nothing, "observations": []}), now))
@@ -169,7 +169,7 @@ def test_a_reading_that_cannot_be_used_is_not_awaited():
     fuser, local = fuser_of(units), filter_of(units, "plain")
     run(units, readings[:100], fuser, {"plain": local})
     estimate = next(o.message for o in local.step(readings[100], readings[100].measured_at_ns))
-    at = readings[100].measured_at_ns + 2 * NS
+    at = readings[100].measured_at_ns + 2 * NS_PER_S
     for i in range(100):
         empty = Estimate.model_validate(
             estimate.model_dump() | {"observations": [], "measured_at_ns": at + i * 20_000_000, "sequence": 1000 + i}
@@ -188,8 +188,8 @@ def test_the_interval_holds_the_worst_location_accuracy_until_a_balise_is_known(
     head = {"train": "t", "unit": "fuser", "instance": "i", "sequence": 0, "measured_at_ns": T0, "published_at_ns": T0}
     fused = ([50.0, 20.0, 0.0], (np.eye(3) * 0.01).tolist())
     presence = Presence({"plain": 0.0}, {"plain": 1.0}, {})
-    before = writer.write(head, fused, presence, T0 - NS, [], settled=False)
+    before = writer.write(head, fused, presence, T0 - NS_PER_S, [], settled=False)
     assert before.position_max_m - before.position_m == pytest.approx(0.5 + 0.5 + 12.0)
     writer.passed(fix(0, 0.0, 100.0).model_copy(update={"location_accuracy_m": 0.1}))
-    after = writer.write(head, fused, presence, T0 - NS, [], settled=False)
+    after = writer.write(head, fused, presence, T0 - NS_PER_S, [], settled=False)
     assert after.position_max_m - after.position_m == pytest.approx(0.5 + 0.5 + 0.1)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from invented import HORIZON_NS, NS, PRIOR, T0, Plain, Q, drive, filter_of, fuser_of, sensors
+from invented import HORIZON_NS, NS_PER_S, PRIOR, T0, Plain, Q, drive, filter_of, fuser_of, sensors
 from reference import filter_all
 
 from milepost.estimation.estimator import Estimator
@@ -32,7 +32,7 @@ def test_the_sources_rule_equals_the_centralised_filter_to_1e_9(seed, weights, e
     all_observations, fused, times = [], [], []
     for k in range(epochs):
         at = T0 + k * period_ms * 1_000_000
-        times.append((at - T0) / NS)
+        times.append((at - T0) / NS_PER_S)
         beliefs = []
         for i, local in enumerate(filters):
             z, R = float(rows[i] @ np.array([20.0 * times[-1], 20.0, 0.0]) + rng.normal()), float(rng.uniform(0.01, 1.0))

@@ -7,7 +7,7 @@ import random
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from invented import NS, PRIOR, Biased, Plain, Q, Scaled, drive, filter_of, fuser_of, layout_of, sensors
+from invented import NS_PER_S, PRIOR, Biased, Plain, Q, Scaled, drive, filter_of, fuser_of, layout_of, sensors
 from reference import filter_all
 
 
@@ -49,15 +49,16 @@ def run_with_losses(seed, units, readings, fixes, catch_up=False):
 
 def reference_of(units, readings, fixes, states, rows):
     start = min(m.measured_at_ns for m in [*readings, *fixes])
-    observations = [((r.measured_at_ns - start) / NS, *rows(r)) for r in readings]
+    observations = [((r.measured_at_ns - start) / NS_PER_S, *rows(r)) for r in readings]
     width = layout_of(units).dimension
     observations += [
-        ((f.measured_at_ns - start) / NS, [1.0] + [0.0] * (width - 1), f.position_m, f.position_variance_m2) for f in fixes
+        ((f.measured_at_ns - start) / NS_PER_S, [1.0] + [0.0] * (width - 1), f.position_m, f.position_variance_m2)
+        for f in fixes
     ]
     layout = layout_of(units)
     x, P = layout.prior(PRIOR.mean, PRIOR.std)
     private = [(s.time_constant_s, s.noise_psd) for s in layout.private]
-    return filter_all(observations, [(s.measured_at_ns - start) / NS for s in states], x, P, Q, private)
+    return filter_all(observations, [(s.measured_at_ns - start) / NS_PER_S for s in states], x, P, Q, private)
 
 
 def worst_in_sigmas(states, expected):
@@ -120,7 +121,7 @@ def extended(units, readings, fixes, epochs):
     def carry(x, P, to, at):
         if to == at:
             return x, P
-        F, noise = motion((to - at) / NS, Q, private)
+        F, noise = motion((to - at) / NS_PER_S, Q, private)
         return F @ x, F @ P @ F.T + noise
 
     for epoch in epochs:

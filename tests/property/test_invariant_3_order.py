@@ -7,9 +7,9 @@ import random
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from invented import NS, Biased, Plain, drive, filter_of, fuser_of, sensors
+from invented import NS_PER_S, Biased, Plain, drive, filter_of, fuser_of, sensors
 
-MAX_DELAY_NS = 4 * NS
+MAX_DELAY_NS = 4 * NS_PER_S
 
 
 def estimates_of(units, readings):

@@ -7,7 +7,7 @@ import random
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from invented import HORIZON_NS, NS, PRIOR, T0, Biased, Plain, Q, drive, layout_of, sensors
+from invented import HORIZON_NS, NS_PER_S, PRIOR, T0, Biased, Plain, Q, drive, layout_of, sensors
 
 from milepost.estimation.fusion import InformationFusion
 from milepost.nodes.observations import of_fix, of_reading
@@ -42,7 +42,7 @@ def test_withdrawing_leaves_no_trace(seed, unit, onset):
     readings, fixes = drive(seed, units, 4.0, 30.0)
     everything = observations_of(units, readings, fixes)
     rng.shuffle(everything)
-    since, now = T0 + round(onset * NS), T0 + 4 * NS
+    since, now = T0 + round(onset * NS_PER_S), T0 + 4 * NS_PER_S
     fusion = fusion_with(units, everything, now)
     states(fusion, 4.0)  # everything has been replayed once before the fault is recognised
     out = fusion.estimator.withdraw(unit, since)
@@ -54,10 +54,10 @@ def test_withdrawing_leaves_no_trace(seed, unit, onset):
 def test_withdrawn_observations_can_be_put_back_exactly():
     units = sensors(Plain, Biased)
     readings, fixes = drive(11, units, 3.0, 30.0)
-    everything, now = observations_of(units, readings, fixes), T0 + 3 * NS
+    everything, now = observations_of(units, readings, fixes), T0 + 3 * NS_PER_S
     fusion = fusion_with(units, everything, now)
     before = states(fusion, 3.0)
-    out = fusion.estimator.withdraw("biased", T0 + NS)
+    out = fusion.estimator.withdraw("biased", T0 + NS_PER_S)
     assert states(fusion, 3.0) != before
     fusion.estimator.restore(out)
     assert states(fusion, 3.0) == before

@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 
 from milepost.config.scenario_file import load_scenario
-from milepost.evaluation.run_log import Heard
+from milepost.evaluation.run_log import RunLog
 from milepost.offline.run import simulate
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -61,9 +61,9 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Recorded:
     scenario.write_text(f"scenario: short\ntrain: {TRAIN}\nduration_s: {DURATION_S}\nseed: {SEED}\n", encoding="utf-8")
     done = milepost("evaluate", scenario, "--record", path)
     assert done.returncode == 0, done.stderr
-    heard = Heard(load_scenario(scenario)[1])
-    simulate(heard.train, DURATION_S, None, heard.keep)
-    return Recorded(path, "".join(state.model_dump_json() + "\n" for state in heard.settled.values()).encode())
+    log = RunLog(load_scenario(scenario)[1])
+    simulate(log.train, DURATION_S, None, log.keep)
+    return Recorded(path, "".join(state.model_dump_json() + "\n" for state in log.settled.values()).encode())
 
 
 @pytest.fixture(scope="module")

@@ -9,6 +9,7 @@ from typing import Any
 
 from milepost.config.roles import ROLES, Setting, processes
 from milepost.config.train import Train, load_train
+from milepost.estimation.time_units import NS_PER_S
 from milepost.nodes.base import Node, Output
 from milepost.nodes.fuser import FuserNode
 from milepost.offline.run import OFFLINE_START_NS, OfflineRun
@@ -16,7 +17,6 @@ from milepost_schemas import Event, Feedback, FusedState, Message, Truth
 
 ROOT = Path(__file__).resolve().parents[2]
 MAGLEV = ROOT / "deploy/trains/maglev.yaml"
-NS = 1_000_000_000
 PERIOD_NS = 20_000_000
 
 # what a link does to a message sent at a scenario time: seconds of delay, None for lost
@@ -25,12 +25,12 @@ Fault = Callable[[float, Message], float | None]
 
 def at(t_s: float) -> int:
     """UTC of a scenario time."""
-    return OFFLINE_START_NS + round(t_s * NS)
+    return OFFLINE_START_NS + round(t_s * NS_PER_S)
 
 
 def scenario_s(message: Message) -> float:
     """The scenario time at which a message's content was true."""
-    return (message.measured_at_ns - OFFLINE_START_NS) / NS
+    return (message.measured_at_ns - OFFLINE_START_NS) / NS_PER_S
 
 
 def silent(from_s: float, to_s: float) -> Fault:
@@ -72,11 +72,11 @@ class Link(Node):
     def _pass(self, outputs: Iterable[Output], now_ns: int) -> list[Output]:
         passed = []
         for output in outputs:
-            delay_s = self._fault((now_ns - OFFLINE_START_NS) / NS, output.message)
+            delay_s = self._fault((now_ns - OFFLINE_START_NS) / NS_PER_S, output.message)
             if delay_s == 0.0:
                 passed.append(output)
             elif delay_s is not None:
-                self._held.append((now_ns + round(delay_s * NS), self._count, output))
+                self._held.append((now_ns + round(delay_s * NS_PER_S), self._count, output))
                 self._count += 1
         return passed
 

@@ -12,7 +12,7 @@ from harness import PERIOD_NS, ROOT, at
 
 from milepost.config.scenario_file import ScenarioFile, load_scenario
 from milepost.config.yaml_files import ConfigError
-from milepost.evaluation.run_log import Heard
+from milepost.evaluation.run_log import RunLog
 from milepost.evaluation.scenario_run import evaluate_once
 from milepost.evaluation.withheld import score_withheld, withheld_fixes
 from milepost.offline.run import OFFLINE_START_NS, simulate
@@ -27,12 +27,12 @@ pytestmark = pytest.mark.skipif(not LOG.is_file(), reason="../shared/data/brusse
 
 
 @pytest.fixture(scope="module")
-def journey() -> tuple[ScenarioFile, Heard, list[RecordedFix]]:
+def journey() -> tuple[ScenarioFile, RunLog, list[RecordedFix]]:
     """The train until its withheld minute is over, on the scenario's seed."""
     scenario, train = load_scenario(SCENARIO)
-    heard = Heard(train)
-    simulate(train, UNTIL_S, heard.tap, heard.keep)
-    return scenario, heard, withheld_fixes(SCENARIO, scenario, train)
+    log = RunLog(train)
+    simulate(train, UNTIL_S, log.tap, log.keep)
+    return scenario, log, withheld_fixes(SCENARIO, scenario, train)
 
 
 def stretches_without_rtk() -> list[tuple[float, float]]:
@@ -52,15 +52,15 @@ def changed_scenario(folder: Path, **fields: Any) -> Path:
 
 class TestWithheldMinute:
     def test_the_state_stays_near_the_withheld_fixes_and_its_interval_holds_every_one(self, journey):
-        _, heard, fixes = journey
-        figures = score_withheld(heard.settled, fixes, heard.train.line, OFFLINE_START_NS, PERIOD_NS)
+        _, log, fixes = journey
+        figures = score_withheld(log.settled, fixes, log.train.line, OFFLINE_START_NS, PERIOD_NS)
         assert figures["withheld_fixes"] > 140
         assert figures["withheld_max_m"] < 0.6
         assert figures["withheld_outside_interval"] == 0
 
     def test_the_live_states_do_as_well_as_the_settled_ones(self, journey):
-        _, heard, fixes = journey
-        figures = score_withheld(heard.live, fixes, heard.train.line, OFFLINE_START_NS, PERIOD_NS)
+        _, log, fixes = journey
+        figures = score_withheld(log.live, fixes, log.train.line, OFFLINE_START_NS, PERIOD_NS)
         assert figures["withheld_max_m"] < 0.6
         assert figures["withheld_outside_interval"] == 0
 
@@ -71,17 +71,17 @@ class TestWithheldMinute:
         assert max(b.t_s - a.t_s for a, b in pairwise(fixes)) < 1.0
 
     def test_no_balise_helps_in_it(self, journey):
-        scenario, heard, _ = journey
-        begin, end = (heard.truth[at(t)][0] for t in (scenario.withheld.from_s, scenario.withheld.to_s))
+        scenario, log, _ = journey
+        begin, end = (log.truth[at(t)][0] for t in (scenario.withheld.from_s, scenario.withheld.to_s))
         assert end - begin > 100.0
-        assert not [b for b in heard.train.line.balises if begin - 5.0 <= b.position_m <= end + 5.0]
+        assert not [b for b in log.train.line.balises if begin - 5.0 <= b.position_m <= end + 5.0]
 
     def test_the_filters_hear_no_fix_in_it(self, journey):
-        scenario, heard, _ = journey
-        of_gnss = [o.measured_at_ns for o in heard.observations if o.unit == "gnss"]
+        scenario, log, _ = journey
+        of_gnss = [o.measured_at_ns for o in log.observations if o.unit == "gnss"]
         assert len(of_gnss) > 500
         assert not [ns for ns in of_gnss if at(scenario.withheld.from_s) <= ns < at(scenario.withheld.to_s)]
-        states = [s for ns, s in heard.settled.items() if at(282.0) <= ns < at(340.0)]
+        states = [s for ns, s in log.settled.items() if at(282.0) <= ns < at(340.0)]
         assert {(e.unit, e.reason) for s in states for e in s.excluded} == {("gnss", "silent")}
         assert {s.status for s in states} == {"degraded"}
 
@@ -91,28 +91,28 @@ class TestReceiverCoasts:
         assert len(stretches_without_rtk()) >= 1
 
     def test_the_state_holds_through_them(self, journey):
-        _, heard, _ = journey
+        _, log, _ = journey
         for begin, end in stretches_without_rtk():
-            inside = {ns: s for ns, s in heard.live.items() if at(begin) <= ns <= at(end)}
+            inside = {ns: s for ns, s in log.live.items() if at(begin) <= ns <= at(end)}
             assert len(inside) >= (end - begin) * 50 - 1
             assert {s.status for s in inside.values()} <= {"normal", "degraded"}
             for ns, state in inside.items():
-                assert state.position_min_m <= heard.truth[ns][0] <= state.position_max_m
-                assert abs(state.position_m - heard.truth[ns][0]) < 0.6
+                assert state.position_min_m <= log.truth[ns][0] <= state.position_max_m
+                assert abs(state.position_m - log.truth[ns][0]) < 0.6
 
     def test_nowhere_is_the_train_lost_or_outside_its_interval(self, journey):
-        _, heard, _ = journey
-        for states in (heard.live, heard.settled):
+        _, log, _ = journey
+        for states in (log.live, log.settled):
             assert {s.status for s in states.values()} <= {"initialising", "normal", "degraded"}
             assert {b - a for a, b in pairwise(states)} == {PERIOD_NS}
-            pairs = [(s, heard.truth[ns]) for ns, s in states.items() if ns in heard.truth]
+            pairs = [(s, log.truth[ns]) for ns, s in states.items() if ns in log.truth]
             assert len(pairs) > UNTIL_S * 50 - 60
             assert all(s.position_min_m <= truth[0] <= s.position_max_m for s, truth in pairs)
 
     def test_every_state_has_its_place_on_earth(self, journey):
-        _, heard, _ = journey
-        track = heard.train.line.track
-        for state in list(heard.live.values())[::500]:
+        _, log, _ = journey
+        track = log.train.line.track
+        for state in list(log.live.values())[::500]:
             assert track.project(state.latitude_deg, state.longitude_deg).position_m == pytest.approx(
                 state.position_m, abs=1e-3
             )

@@ -211,10 +211,13 @@ def test_a_mistake_that_a_worker_finds_is_still_one_line(tmp_path):
 @pytest.mark.parametrize(
     ("fields", "said"),
     [
-        ({"scores": {"positon_max_m": None}}, "scores.positon_max_m: 'positon_max_m' is none of position_mean_m"),
-        ({"scores": {"refresh_hz": {"within": "nowhere"}}}, "scores.refresh_hz.within: 'nowhere' is none of the windows"),
-        ({"scores": {"refresh_hz": {"within": [1]}}}, "scores.refresh_hz.within: [1] is none of the windows"),
-        ({"scores": {"refresh_hz": {"estimator": {}}}}, "scores.refresh_hz.estimator: {} is none of"),
+        ({"scores": {"positon_max_m": None}}, "scores.positon_max_m: must be one of position_mean_m"),
+        ({"scores": {"refresh_hz": {"within": "nowhere"}}}, "scores.refresh_hz.within: must be one of the windows"),
+        ({"scores": {"refresh_hz": {"within": [1]}}}, "scores.refresh_hz.within: must be one of the windows"),
+        (
+            {"scores": {"refresh_hz": {"estimator": {}}}},
+            "scores.refresh_hz.estimator: must be one of the scenario's estimators",
+        ),
         ({"scores": {"diameter_error_percent_at_m": {"unit": "radar", "at_m": [1.0]}}}, ".unit: radar is no odometer of"),
         ({"estimators": {"centralised": {}}}, "estimators.centralised: is what one of our own is called"),
         ({"scores": {"refresh_hz": {"unit": "radar"}}}, "scores.refresh_hz.unit: unknown key"),

@@ -60,7 +60,7 @@ def test_with_white_noise_of_known_variance_nothing_beats_the_kalman_filter_that
 
 def test_tuned_is_tuned_to_the_mean_variance_of_the_noise():
     case = make_plan(SCENARIO).cases[0]
-    told = case.rivals["plain_tuned"].sensors["gnss"].options
+    told = case.comparators["plain_tuned"].sensors["gnss"].options
     sky = case.train.sensors["gnss"].options.simulated
     least, most, outliers = sky.wandering.least_m, sky.wandering.most_m, sky.outliers
     # σ² is uniform in its logarithm, and an outlier's is κ² as large

@@ -9,7 +9,7 @@ import pytest
 from harness import PERIOD_NS, ROOT, Journey, at, delayed, scenario_s, silent, travel, widths
 
 from milepost.config.scenario_file import load_scenario
-from milepost.evaluation.run_log import Heard
+from milepost.evaluation.run_log import RunLog
 from milepost.evaluation.scenario_run import evaluate_once
 from milepost.nodes.base import Output
 from milepost_schemas import BaliseTelegram, Estimate, Gaussian, LinearObservation
@@ -19,11 +19,11 @@ COMMON = ["position_m", "speed_mps", "acceleration_mps2"]
 
 
 @pytest.fixture(scope="module")
-def source_a() -> tuple[dict[str, Any], Heard]:
+def source_a() -> tuple[dict[str, Any], RunLog]:
     """Source A's two kilometres with the scenario's own seed."""
     scenario, _ = load_scenario(SOURCE_A)
-    result, heard, _ = evaluate_once(SOURCE_A, scenario.seed, None, lambda done_s: None)
-    return result, heard
+    result, log, _ = evaluate_once(SOURCE_A, scenario.seed, None, lambda done_s: None)
+    return result, log
 
 
 @pytest.fixture(scope="module")
@@ -61,15 +61,15 @@ class TestSourceA:
 
     @pytest.mark.parametrize("which", ["live", "settled"])
     def test_states_come_at_fifty_hertz_without_a_hole_and_hold_the_truth(self, source_a, which):
-        heard = source_a[1]
-        states = list(getattr(heard, which).values())
+        log = source_a[1]
+        states = list(getattr(log, which).values())
         assert len(states) >= 100.0 * 50 - 2
         assert {b.measured_at_ns - a.measured_at_ns for a, b in pairwise(states)} == {PERIOD_NS}
         assert {b.epoch - a.epoch for a, b in pairwise(states)} == {1}
         assert all(state.epoch * PERIOD_NS == state.measured_at_ns for state in states)
         # the truth of the very last epoch is told after the end
         for state in states[:-1]:
-            position, speed, _ = heard.truth[state.measured_at_ns]
+            position, speed, _ = log.truth[state.measured_at_ns]
             assert state.position_min_m <= position <= state.position_max_m
             assert state.speed_min_mps <= speed <= state.speed_max_mps
 

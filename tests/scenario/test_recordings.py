@@ -36,10 +36,12 @@ of_a_car = pytest.mark.skipif(not (DATA / "comma2k19").is_dir(), reason="../shar
 of_trains = pytest.mark.skipif(not (DATA / "brussels").is_dir(), reason="../shared/data/brussels, the train logs, is not here")
 
 
-def figures(name: str, duration_s: float, rivals: Iterable[str] = ()) -> dict[str, Any]:
-    """The scenario's own condition: `fused` and the rivals named, for so long."""
+def figures(name: str, duration_s: float, comparators: Iterable[str] = ()) -> dict[str, Any]:
+    """The scenario's own condition: `fused` and the comparators named, for so long."""
     plan = make_plan(SCENARIOS / f"{name}.yaml")
-    case = replace(plan.cases[0], compare=("fused",), rivals={rival: plan.cases[0].rivals[rival] for rival in rivals})
+    case = replace(
+        plan.cases[0], compare=("fused",), comparators={rival: plan.cases[0].comparators[rival] for rival in comparators}
+    )
     scenario = plan.scenario.model_copy(update={"duration_s": duration_s})
     result: dict[str, Any] = run_plan(replace(plan, scenario=scenario, cases=(case,)), None, lambda done_s: None).result
     return result["estimators"]

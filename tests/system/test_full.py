@@ -40,7 +40,7 @@ def test_all_sensors_run_together_and_a_restarted_filter_still_knows_its_wheel(t
         outside.wait_for(lambda: outside.newest(estimates)["instance"] != first, 20.0, "another instance")
         again = next(m for m in outside.messages(estimates) if m["instance"] != first)
         assert scale_std(again) < 1.5e-3
-        assert not [e for e in outside.messages(f"{TOP}/event") if e["code"] == "calibration_recalled"]
+        assert not [e for e in outside.messages(f"{TOP}/event") if e["code"] == "calibration_restored"]
         outside.wait_state(f"{TOP}/state", lambda m: m["status"] == "normal", 20.0, "a normal state again")
         states, truths = outside.messages(f"{TOP}/state"), outside.messages(f"{TOP}/@sim/truth")
         where = {truth["measured_at_ns"]: truth["position_m"] for truth in truths}

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from milepost.config.scenario_file import ScenarioFile
-from milepost.evaluation.claims import Row, Spread, judge
+from milepost.evaluation.claims import JudgedClaim, SeedStatistics, judge
 from milepost.evaluation.tables import claims_table, flat
 
 CLAIM = {"key": "position_max_m", "source": "B", "says": "< 10 m", "at_most": 2.0}
@@ -23,13 +23,13 @@ def seed(ours: float, method: float = 8.0, optimum: float = 1.0) -> dict[str, An
     return {"estimators": estimators, "withheld_max_m": ours, "variants": {"v": {"estimators": estimators}}}
 
 
-def judged(claim: dict[str, Any], *seeds: dict[str, Any]) -> Row:
+def judged(claim: dict[str, Any], *seeds: dict[str, Any]) -> JudgedClaim:
     return judge(scenario(claim), seeds)[0]
 
 
 def test_a_row_has_the_sources_method_ours_and_the_optimum():
     row = judged(CLAIM, seed(1.0, 7.0), seed(2.0, 9.0, 3.0), seed(1.5))
-    assert (row.ours, row.method, row.optimum) == (Spread(1.5, 2.0), Spread(8.0, 9.0), Spread(1.0, 3.0))
+    assert (row.ours, row.method, row.optimum) == (SeedStatistics(1.5, 2.0), SeedStatistics(8.0, 9.0), SeedStatistics(1.0, 3.0))
     assert row.met
 
 
@@ -56,14 +56,14 @@ def test_pooled_figures_are_divided_as_wholes():
     claim = {**CLAIM, "of": "pooled", "over": "federated"}
     row = judged(claim, seed(3.0, 1.0), seed(4.0, 7.0))
     # √(9 + 16)/√(1 + 49), where the median of 3/1 and 4/7 is 1.79
-    assert row.ours == Spread(pytest.approx(12.5 / 7.0), 3.0, pytest.approx(0.5**0.5))
+    assert row.ours == SeedStatistics(pytest.approx(12.5 / 7.0), 3.0, pytest.approx(0.5**0.5))
     assert "0.707 (3)" in claims_table([row])
 
 
 def test_where_more_is_better_the_worst_is_the_least():
     claim = {"key": "refresh_hz", "source": "B", "says": "50 Hz", "at_least": 50.0, "of": "worst"}
     row = judged(claim, seed(51.0), seed(49.0), seed(52.0))
-    assert row.ours == Spread(51.0, 49.0)
+    assert row.ours == SeedStatistics(51.0, 49.0)
     assert not row.met
 
 
@@ -92,5 +92,5 @@ def test_the_entries_of_a_map_or_a_list_are_named_as_claims_name_them():
 
 def test_a_figure_without_a_target_is_shown_and_not_judged():
     row = judged({"key": "position_max_m", "source": "B", "says": "-"}, seed(1.0), seed(4.0), seed(1.5))
-    assert (row.ours, row.target, row.met) == (Spread(1.5, 4.0), "-", None)
+    assert (row.ours, row.target, row.met) == (SeedStatistics(1.5, 4.0), "-", None)
     assert "not met" not in claims_table([row])

@@ -214,7 +214,7 @@ UNFIT: dict[str, tuple[dict[str, Any], str]] = {
         {"columns": {"speed_mps": {"column": "v", "unit": "deg"}}},
         "speed_mps: deg is a unit of angle, speed_mps is a speed",
     ),
-    "a unit that is none": ({"columns": {"speed_mps": {"column": "v", "unit": "ell"}}}, "speed_mps: 'ell' is none of"),
+    "a unit that is none": ({"columns": {"speed_mps": {"column": "v", "unit": "ell"}}}, "speed_mps: the unit must be one of"),
     "no unit": ({"columns": {"speed_mps": {"column": "v"}}}, "speed_mps: give its unit, such as m/s"),
 }
 

@@ -94,10 +94,10 @@ MISTAKES = (
     ),
     Mistake("unknown rule", "fusion", "'majority'", {"fusion.rule": "majority"}),
     # units
-    Mistake("unknown sensor", "units.radar.kind", "'sonar' is none of", {"units.radar.kind": "sonar"}),
-    Mistake("no kind", "units.radar.kind", "none of", {"units.radar": {"rate_hz": 100.0}}),
-    Mistake("kind that is a list", "units.radar.kind", "none of", {"units.radar.kind": ["doppler_radar"]}),
-    Mistake("unknown filter", "units.radar.filter", "'kalmann' is none of", {"units.radar.filter": "kalmann"}),
+    Mistake("unknown sensor", "units.radar.kind", "must be one of doppler_radar", {"units.radar.kind": "sonar"}),
+    Mistake("no kind", "units.radar.kind", "must be one of", {"units.radar": {"rate_hz": 100.0}}),
+    Mistake("kind that is a list", "units.radar.kind", "must be one of", {"units.radar.kind": ["doppler_radar"]}),
+    Mistake("unknown filter", "units.radar.filter", "must be one of kalman", {"units.radar.filter": "kalmann"}),
     Mistake("filter for balises", "units.balise-reader.filter", "", {"units.balise-reader.filter": "kalman"}),
     Mistake("no units", "units", "", {"units": {}, "fusion": {}}),
     Mistake(
@@ -180,7 +180,7 @@ MISTAKES = (
     Mistake(
         "balise twice",
         "balises.1.id",
-        "twice",
+        "duplicate",
         line={"balises": [{"id": "b1", "position_m": 1.0}, {"id": "b1", "position_m": 2.0}]},
         file="line.yaml",
     ),
@@ -274,8 +274,8 @@ def test_a_mistake_is_one_line_naming_file_and_field(tmp_path: Path, up_says: An
 
 
 TEXTS = {
-    "key twice": ("train: a\nline: b\ntrain: c\n", "line 3", "'train' stands twice"),
-    "key twice in a part": ("train: a\nfusion:\n  rule: x\n  rule: y\n", "line 4", "'rule' stands twice"),
+    "key twice": ("train: a\nline: b\ntrain: c\n", "line 3", "duplicate key 'train'"),
+    "key twice in a part": ("train: a\nfusion:\n  rule: x\n  rule: y\n", "line 4", "duplicate key 'rule'"),
     "not yaml": ("train: [1, 2\nline: }", "line 2", ""),
     "tab": ("train:\n\tx: 1\n", "line 2", ""),
     "empty": ("", "", "not a mapping"),

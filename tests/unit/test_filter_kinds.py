@@ -16,10 +16,10 @@ from milepost.estimation.filters.pu_rls import PuRlsOptions
 from milepost.estimation.filters.rls import RlsOptions
 from milepost.estimation.filters.robust_kalman import RobustKalmanOptions
 from milepost.estimation.layout import Layout, PrivateState
+from milepost.estimation.time_units import NS_PER_S
 from milepost.estimation.timeline import Observation
 
-NS = 1_000_000_000
-T0 = 1_000 * NS
+T0 = 1_000 * NS_PER_S
 PRIOR = Prior(np.array([0.0, 20.0, 0.0]), np.array([2.0, 0.5, 0.2]))
 ALL = sorted(FILTERS)
 LEARNING = [kind for kind in ALL if issubclass(FILTERS[kind], LearningFilter)]
@@ -28,14 +28,14 @@ BELIEF_FREE = sorted({"kalman", "h_infinity", "rls", "pu_rls"})
 
 def built(kind: str, share: float = 1.0, layout: Layout | None = None) -> LocalFilter:
     row = FILTERS[kind]
-    return row(FilterSetup(layout or Layout(), 1e-2, PRIOR, 5 * NS, share), row.options_model())
+    return row(FilterSetup(layout or Layout(), 1e-2, PRIOR, 5 * NS_PER_S, share), row.options_model())
 
 
 def readings(count: int, seed: int = 1, std: float = 3.0) -> list[Observation]:
     """Positions at 5 Hz that state 1 m² and have nine."""
     rng = np.random.default_rng(seed)
     return [
-        Observation(T0 + k * NS // 5, 0, k, "a", 0, "gnss", (1.0, 0.0, 0.0), 4.0 * k + std * rng.normal(), 1.0)
+        Observation(T0 + k * NS_PER_S // 5, 0, k, "a", 0, "gnss", (1.0, 0.0, 0.0), 4.0 * k + std * rng.normal(), 1.0)
         for k in range(count)
     ]
 
@@ -79,9 +79,9 @@ def test_late_duplicate_and_untimely_readings_teach_nothing(kind):
         out += disturbed.take([o], now)[0]
         if o.sequence % 7 == 6:
             assert disturbed.take([o._replace(value=1e6)], now)[1] == ["duplicate"]
-            wild = o._replace(measured_at_ns=now + 10 * NS, sequence=1000 + o.sequence, value=1e6)
+            wild = o._replace(measured_at_ns=now + 10 * NS_PER_S, sequence=1000 + o.sequence, value=1e6)
             assert disturbed.take([wild], now)[1] == ["from_future"]
-            old = o._replace(measured_at_ns=now - 10 * NS, sequence=2000 + o.sequence, value=1e6)
+            old = o._replace(measured_at_ns=now - 10 * NS_PER_S, sequence=2000 + o.sequence, value=1e6)
             assert disturbed.take([old], now)[1] == ["too_old"]
     assert out == expected
 
@@ -90,7 +90,7 @@ def test_late_duplicate_and_untimely_readings_teach_nothing(kind):
 def test_a_late_reading_passes_at_what_is_known_of_the_noise(kind):
     told, local = readings(100), built(kind)
     passed_on(local, told)
-    late = told[-1]._replace(measured_at_ns=told[-1].measured_at_ns - NS // 10, sequence=500, value=4.0 * 98.5)
+    late = told[-1]._replace(measured_at_ns=told[-1].measured_at_ns - NS_PER_S // 10, sequence=500, value=4.0 * 98.5)
     (taken,), refused = local.take([late], told[-1].measured_at_ns)
     assert not refused
     assert 3.0 < taken.variance < 27.0
@@ -137,7 +137,7 @@ def test_the_expectation_of_a_fed_belief_has_the_fused_variance():
 
 def test_a_reading_from_before_the_feedback_is_expected_from_it_backwards():
     local = built("adaptive_kalman", share=0.25)
-    assert local.estimator.accept_feedback(T0 + NS, np.array([100.0, 20.0, 0.5]), np.diag([0.5, 0.1, 0.01]), 0.25)
+    assert local.estimator.accept_feedback(T0 + NS_PER_S, np.array([100.0, 20.0, 0.5]), np.diag([0.5, 0.1, 0.01]), 0.25)
     value, variance = local.expected(readings(1)[0])
     assert value == pytest.approx(100.0 - 20.0 + 0.25)
     assert 0.6025 <= variance < 0.61

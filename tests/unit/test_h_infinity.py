@@ -16,18 +16,18 @@ from milepost.estimation.filters.kalman import KalmanFilter, KalmanOptions
 from milepost.estimation.h_infinity import HInfinityKernel, bounded_update
 from milepost.estimation.kalman import ArrayKernel, update
 from milepost.estimation.layout import Layout, PrivateState
+from milepost.estimation.time_units import NS_PER_S
 from milepost.estimation.timeline import Observation
 
-NS = 1_000_000_000
-T0 = 1_000 * NS
-SETUP = FilterSetup(Layout(), 1e-2, Prior(np.array([0.0, 20.0, 0.0]), np.array([1.0, 2.0, 0.5])), 5 * NS, 0.5)
+T0 = 1_000 * NS_PER_S
+SETUP = FilterSetup(Layout(), 1e-2, Prior(np.array([0.0, 20.0, 0.0]), np.array([1.0, 2.0, 0.5])), 5 * NS_PER_S, 0.5)
 SPEED = np.array([0.0, 1.0, 0.0])
 
 
 def readings(count: int = 30) -> list[Observation]:
     rng = np.random.default_rng(3)
     return [
-        Observation(T0 + k * NS // 10, 0, k, "a", 0, "radar", (0.0, 1.0, 0.0), 20.0 + 0.2 * rng.normal(), 0.04)
+        Observation(T0 + k * NS_PER_S // 10, 0, k, "a", 0, "radar", (0.0, 1.0, 0.0), 20.0 + 0.2 * rng.normal(), 0.04)
         for k in range(count)
     ]
 
@@ -70,8 +70,8 @@ def test_an_infinite_bound_is_the_kalman_filter():
     rng = np.random.default_rng(1)
     for _ in range(200):
         z = 20.0 + 0.2 * rng.normal()
-        a = bounded.observe(bounded.advance(a, 0.1), (0.0, 1.0, 0.0, 20.0), z, 0.04)
-        b = plain.observe(plain.advance(b, 0.1), (0.0, 1.0, 0.0, 20.0), z, 0.04)
+        a = bounded.update(bounded.advance(a, 0.1), (0.0, 1.0, 0.0, 20.0), z, 0.04)
+        b = plain.update(plain.advance(b, 0.1), (0.0, 1.0, 0.0, 20.0), z, 0.04)
     np.testing.assert_allclose(a[0], b[0], rtol=1e-9, atol=1e-12)
     np.testing.assert_allclose(a[1], b[1], rtol=1e-9, atol=1e-15)
 
@@ -79,7 +79,7 @@ def test_an_infinite_bound_is_the_kalman_filter():
 def test_the_sources_own_combination_is_a_kalman_filter_that_trusts_its_readings_less():
     # H = L: P⁻¹ + (1 - γ⁻²)/R
     kernel = HInfinityKernel(Layout(), 1e-2, gamma=2.3)
-    _, P = kernel.observe((np.zeros(3), np.diag([1.0, 4.0, 1.0])), (0.0, 1.0, 0.0), 6.0, 0.5)
+    _, P = kernel.update((np.zeros(3), np.diag([1.0, 4.0, 1.0])), (0.0, 1.0, 0.0), 6.0, 0.5)
     assert 1.0 / P[1, 1] == pytest.approx(0.25 + (1.0 - 1.0 / 2.3**2) / 0.5)
     assert update(np.zeros(3), np.diag([1.0, 4.0, 1.0]), SPEED, 6.0, 0.5)[1][1, 1] < P[1, 1]
 

@@ -58,8 +58,8 @@ def test_process_noise_composes_whatever_the_steps(seed, first, second):
 def test_the_scalar_kernel_computes_what_the_general_one_does(seed, dt, row, z, R, q):
     mean, covariance = belief(np.random.default_rng(seed))
     scalar, general = ScalarKernel(q), ArrayKernel(Layout(), q)
-    a = scalar.observe(scalar.advance(scalar.pack(mean, covariance), dt), row, z, R)
-    b = general.observe(general.advance(general.pack(mean, covariance), dt), row, z, R)
+    a = scalar.update(scalar.advance(scalar.pack(mean, covariance), dt), row, z, R)
+    b = general.update(general.advance(general.pack(mean, covariance), dt), row, z, R)
     (x_a, P_a), (x_b, P_b) = scalar.unpack(a), general.unpack(b)
     before = general.advance(general.pack(mean, covariance), dt)[1]
     scale = np.sqrt(np.diag(before))
@@ -76,7 +76,7 @@ def test_covariances_stay_positive_through_a_thousand_hard_steps(seed, R):
     state = kernel.pack(np.zeros(3), np.diag([1e6, 1e4, 1.0]))
     rows = [(1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)]
     for _ in range(1000):
-        state = kernel.observe(kernel.advance(state, rng.uniform(0.0, 0.02)), rows[rng.integers(3)], rng.normal(), R)
+        state = kernel.update(kernel.advance(state, rng.uniform(0.0, 0.02)), rows[rng.integers(3)], rng.normal(), R)
     P = kernel.unpack(state)[1]
     scale = np.sqrt(np.diag(P))
     assert np.linalg.eigvalsh(P / np.outer(scale, scale)).min() > 0.0

@@ -1,4 +1,4 @@
-"""The learned error equation: by hand, against a particle swarm, and what it is worth in an outage."""
+"""The learned error equation: by hand, against a particle swarm, and what it is equivalent_white_variance in an outage."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from milepost.estimation.swarm import Swarm
-from milepost.sensors.imu.learned_error import ErrorModel, LearnedError, worth
+from milepost.sensors.imu.learned_error import InertialErrorModel, LearnedError, equivalent_white_variance
 
-MODEL = ErrorModel(bias_std=0.005, walk_std=2.4e-4, noise_density=0.05)
+MODEL = InertialErrorModel(bias_std=0.005, walk_std=2.4e-4, noise_density=0.05)
 
 
 def taught(learned: LearnedError, error: float, seconds: float, speed_error: float = 0.0, from_s: float = 0.0) -> int:
@@ -23,7 +23,7 @@ def taught(learned: LearnedError, error: float, seconds: float, speed_error: flo
 
 def test_one_sample_by_hand() -> None:
     """φ = (0.005, 0, 0), y = 0.01, R = 2.5e-5: Λ = 1 + 1, η = 2, A = 1: ε = 0.005 with variance 2.5e-5/2."""
-    learned = LearnedError(ErrorModel(0.005, 0.0, 0.05))
+    learned = LearnedError(InertialErrorModel(0.005, 0.0, 0.05))
     learned.fit(0.01, 2.5e-5, 0.0)
     assert learned.weights == pytest.approx([1.0, 0.0, 0.0])
     assert learned.correction(0.0) == (pytest.approx(0.005), pytest.approx(1.25e-5))
@@ -31,7 +31,7 @@ def test_one_sample_by_hand() -> None:
 
 def test_forgetting_goes_back_to_the_data_sheet() -> None:
     """Λ = 2 → e⁻¹ 2 + (1 - e⁻¹) 1 + 0 with a sample that says nothing: 1.3679; η = e⁻¹ 2: A = 0.5379."""
-    learned = LearnedError(ErrorModel(0.005, 0.0, 0.05, memory_s=60.0))
+    learned = LearnedError(InertialErrorModel(0.005, 0.0, 0.05, memory_s=60.0))
     learned.fit(0.01, 2.5e-5, 0.0)
     learned.fit(0.0, 1e9, 60.0)
     assert learned.information[0, 0] == pytest.approx(1.36788, abs=1e-5)
@@ -110,16 +110,16 @@ def test_before_it_learned_it_knows_the_data_sheet_alone() -> None:
 
 
 def test_the_memory_is_as_long_as_the_walk_allows() -> None:
-    assert ErrorModel(0.005, 2.5e-4, 0.05).memory_s == pytest.approx(200.0)
-    assert ErrorModel(0.02, 1e-3, 0.01).memory_s == pytest.approx(60.0)
-    assert ErrorModel(0.02, 0.0, 0.01).memory_s == 3600.0
+    assert InertialErrorModel(0.005, 2.5e-4, 0.05).memory_s == pytest.approx(200.0)
+    assert InertialErrorModel(0.02, 1e-3, 0.01).memory_s == pytest.approx(60.0)
+    assert InertialErrorModel(0.02, 0.0, 0.01).memory_s == 3600.0
 
 
 def test_the_white_variance_spoils_a_position_as_the_constant_error_does() -> None:
     """c = 1e-4: after T = √(3 · 100/1) = 17.32 s R = 3 c T/Δ = 0.05196 at 10 Hz; integrated over T it makes c T⁴/4."""
     c, T, dt = 1e-4, math.sqrt(300.0), 0.1
-    assert worth(c, 100.0, 1.0, dt, 1e3) == pytest.approx(0.051962, abs=1e-6)
+    assert equivalent_white_variance(c, 100.0, 1.0, dt, 1e3) == pytest.approx(0.051962, abs=1e-6)
     times = (np.arange(1732) + 0.5) * T / 1732
     position_variance = float(np.sum((T - times) ** 2 * 3.0 * c * times) * T / 1732)
     assert position_variance == pytest.approx(c * T**4 / 4.0, rel=1e-5)
-    assert worth(c, 1e8, 1.0, dt, 100.0) == pytest.approx(3.0 * c * 100.0 / dt)
+    assert equivalent_white_variance(c, 1e8, 1.0, dt, 100.0) == pytest.approx(3.0 * c * 100.0 / dt)

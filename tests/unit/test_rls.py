@@ -7,7 +7,7 @@ import random
 import numpy as np
 import pytest
 
-from milepost.estimation.pu_rls import ErrorModel, SwarmTunedSmoother, Tuning
+from milepost.estimation.pu_rls import ForgettingModel, SwarmTunedSmoother, Tuning
 from milepost.estimation.rls import ForgettingSmoother, LocalParabola, white_sum
 from milepost.estimation.swarm import Swarm
 from milepost.estimation.unscented import sigma_points, unscented_gain_terms
@@ -92,7 +92,7 @@ def test_the_noise_is_found_and_what_is_stated_is_what_the_smoothed_readings_are
 def smoother_of(kind: str) -> ForgettingSmoother | SwarmTunedSmoother:
     if kind == "rls":
         return ForgettingSmoother(0.9, 1.0, 50)
-    return SwarmTunedSmoother(1.0, 25, ErrorModel(), Tuning(every=50))
+    return SwarmTunedSmoother(1.0, 25, ForgettingModel(), Tuning(every=50))
 
 
 @pytest.mark.parametrize("kind", ["rls", "pu_rls"])
@@ -118,7 +118,7 @@ def test_pu_rls_is_not_carried_away_by_outliers():
 
 
 def test_the_forgetting_factor_is_long_while_still_and_short_while_not():
-    model = ErrorModel(degrees=4.0, longest=0.93)
+    model = ForgettingModel(degrees=4.0, longest=0.93)
     assert model.forgetting(0.0, 0.8, 1.0) == pytest.approx(0.93)
     # δ q = 4 · 4/(4 + 4) = 2: λ = 0.8 + 0.13/4
     assert model.forgetting(4.0, 0.8, 1.0) == pytest.approx(0.8325)
@@ -145,7 +145,7 @@ def test_pu_rls_spends_no_more_than_it_may_and_always_the_same():
     tuning = Tuning(particles=4, generations=2, window=8, every=5)
     runs = []
     for _ in range(2):
-        rng, smoother = random.Random(8), SwarmTunedSmoother(1.0, 25, ErrorModel(), tuning)
+        rng, smoother = random.Random(8), SwarmTunedSmoother(1.0, 25, ForgettingModel(), tuning)
         before, results = 0, []
         for k in range(120):
             results.append(smoother.step(0.2, 4.0 * k + rng.gauss(0.0, 1.0)))

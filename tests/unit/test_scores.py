@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from milepost.evaluation.plan import Asked, epochs_within
+from milepost.evaluation.plan import RequestedScore, epochs_within
 from milepost.evaluation.scores import BASIC, SCORES, basic
 from milepost.evaluation.summary import summary
 from milepost.evaluation.trace import Trace, largest_difference_in_sigmas, trace_of_beliefs, trace_of_states
@@ -96,9 +96,9 @@ def test_a_wheels_diameter_is_compared_with_the_worn_one_where_the_train_then_is
 def test_a_window_limits_a_figure_to_its_spans():
     given = trace([9.0, 1.0, 9.0, 2.0], [0.0] * 4)
     row = SCORES["position_max_m"]
-    asked = Asked("k", row, row.options(), [[1.0, 2.0], [3.0, 9.0]])
-    assert asked.of(given, NOBODY, None) == 2.0
-    assert Asked("k", row, row.options(), [[50.0, 60.0]]).of(given, NOBODY, None) is None
+    requested = RequestedScore("k", row, row.options(), [[1.0, 2.0], [3.0, 9.0]])
+    assert requested.of(given, NOBODY, None) == 2.0
+    assert RequestedScore("k", row, row.options(), [[50.0, 60.0]]).of(given, NOBODY, None) is None
 
 
 def test_the_creep_window_is_wherever_any_wheel_creeps():

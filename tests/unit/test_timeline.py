@@ -8,16 +8,16 @@ import pytest
 from milepost.estimation.estimator import Estimator, Prior
 from milepost.estimation.integrity import interval
 from milepost.estimation.layout import Layout, PrivateState
+from milepost.estimation.time_units import NS_PER_S
 from milepost.estimation.timeline import FUTURE_NS, Observation, Timeline
 
-NS = 1_000_000_000
-T0 = 100 * NS
-SECOND = 5 * NS
+T0 = 100 * NS_PER_S
+SECOND = 5 * NS_PER_S
 PRIOR = Prior(np.array([0.0, 20.0, 0.0]), np.array([1.0, 1.0, 0.1]))
 
 
 def speed(t_s: float, sequence: int, value: float = 20.0, unit: str = "u", order: int = 0, instance: str = "i") -> Observation:
-    return Observation(T0 + round(t_s * NS), order, sequence, instance, 0, unit, (0.0, 1.0, 0.0), value, 0.04)
+    return Observation(T0 + round(t_s * NS_PER_S), order, sequence, instance, 0, unit, (0.0, 1.0, 0.0), value, 0.04)
 
 
 def estimator(**kwargs) -> Estimator:
@@ -33,7 +33,7 @@ class Log:
     def advance(self, state, dt_s):
         return [*state, f"+{dt_s:g}"]
 
-    def observe(self, state, row, value, variance):
+    def update(self, state, row, value, variance):
         self.work += 1
         return [*state, value]
 
@@ -47,19 +47,19 @@ def test_observations_are_taken_in_order_of_time_then_row_then_sequence_then_ins
         speed(1.0, 8, 1.0, order=0),
         speed(2.0, 9, 4.0, instance="a"),
     ):
-        assert timeline.insert(o, T0 + 2 * NS) is None
-    assert timeline.state_at(T0 + 3 * NS) == [1.0, 2.0, 3.0, "+1", 4.0, 5.0, "+1"]
+        assert timeline.insert(o, T0 + 2 * NS_PER_S) is None
+    assert timeline.state_at(T0 + 3 * NS_PER_S) == [1.0, 2.0, 3.0, "+1", 4.0, 5.0, "+1"]
 
 
 def test_a_late_observation_replays_only_what_follows_it():
     kernel = Log()
     timeline = Timeline(kernel, [], SECOND)
     for i in range(10):
-        timeline.insert(speed(0.1 * i, i), T0 + NS)
-    timeline.state_at(T0 + NS)
+        timeline.insert(speed(0.1 * i, i), T0 + NS_PER_S)
+    timeline.state_at(T0 + NS_PER_S)
     assert kernel.work == 10
-    timeline.insert(speed(0.75, 99), T0 + NS)
-    timeline.state_at(T0 + NS)
+    timeline.insert(speed(0.75, 99), T0 + NS_PER_S)
+    timeline.state_at(T0 + NS_PER_S)
     assert kernel.work == 13
     assert (timeline.counters.rewinds, timeline.counters.replayed) == (1, 2)
 
@@ -68,18 +68,18 @@ def test_asking_for_a_time_adds_no_knot_and_costs_no_observation():
     kernel = Log()
     timeline = Timeline(kernel, [], SECOND)
     timeline.insert(speed(0.0, 0), T0)
-    first = timeline.state_at(T0 + NS)
-    timeline.state_at(T0 + NS // 2)
-    assert timeline.state_at(T0 + NS) == first
+    first = timeline.state_at(T0 + NS_PER_S)
+    timeline.state_at(T0 + NS_PER_S // 2)
+    assert timeline.state_at(T0 + NS_PER_S) == first
     assert kernel.work == 1
 
 
 def test_there_is_no_belief_before_the_earliest_observation():
     timeline = Timeline(Log(), [], SECOND)
     assert timeline.state_at(T0) is None
-    timeline.insert(speed(1.0, 0), T0 + NS)
-    assert timeline.state_at(T0 + NS - 1) is None
-    assert timeline.state_at(T0 + NS) == [20.0]
+    timeline.insert(speed(1.0, 0), T0 + NS_PER_S)
+    assert timeline.state_at(T0 + NS_PER_S - 1) is None
+    assert timeline.state_at(T0 + NS_PER_S) == [20.0]
 
 
 @pytest.mark.parametrize(
@@ -87,15 +87,15 @@ def test_there_is_no_belief_before_the_earliest_observation():
 )
 def test_the_horizon_and_the_future_are_refused_at_their_edges(late_s, now_s, reason):
     timeline = Timeline(Log(), [], SECOND)
-    assert timeline.insert(speed(late_s, 0), T0 + round(now_s * NS)) == reason
+    assert timeline.insert(speed(late_s, 0), T0 + round(now_s * NS_PER_S)) == reason
     assert timeline.counters.refused == ({reason: 1} if reason else {})
-    assert FUTURE_NS == NS // 2
+    assert FUTURE_NS == NS_PER_S // 2
 
 
 def test_the_horizon_does_not_come_back_when_the_clock_does():
     timeline = Timeline(Log(), [], SECOND)
-    timeline.insert(speed(9.0, 0), T0 + 10 * NS)
-    assert timeline.insert(speed(4.0, 1), T0 + 9 * NS) == "too_old"
+    timeline.insert(speed(9.0, 0), T0 + 10 * NS_PER_S)
+    assert timeline.insert(speed(4.0, 1), T0 + 9 * NS_PER_S) == "too_old"
 
 
 @pytest.mark.parametrize("change", [{"unit": "v"}, {"instance": "j"}, {"sequence": 1}, {"component": 1}])
@@ -111,12 +111,12 @@ def test_folding_what_is_settled_changes_no_bit_and_bounds_memory():
     rng = np.random.default_rng(0)
     for i in range(20_000):
         t = 0.01 * i
-        now = T0 + round(t * NS)
+        now = T0 + round(t * NS_PER_S)
         o = speed(t, i, 20.0 + rng.normal())
         folding.insert(o, now)
         keeping.insert(o, now)
         folding.advance_to(now)
-    at = T0 + 200 * NS
+    at = T0 + 200 * NS_PER_S
     assert folding.lists_at(at) == keeping.lists_at(at)
     assert len(folding.timeline._knots) < 1000
     assert len(folding.timeline._seen) < 5000
@@ -125,9 +125,9 @@ def test_folding_what_is_settled_changes_no_bit_and_bounds_memory():
 def test_identities_are_forgotten_only_when_age_would_refuse_them_anyway():
     e = estimator()
     for i in range(5000):
-        e.insert(speed(0.01 * i, i), T0 + i * NS // 100)
-        e.advance_to(T0 + i * NS // 100)
-    now = T0 + 4999 * NS // 100
+        e.insert(speed(0.01 * i, i), T0 + i * NS_PER_S // 100)
+        e.advance_to(T0 + i * NS_PER_S // 100)
+    now = T0 + 4999 * NS_PER_S // 100
     assert e.insert(speed(0.01 * 4600, 4600), now) == "duplicate"
     assert e.insert(speed(0.01 * 100, 100), now) == "too_old"
 
@@ -135,32 +135,32 @@ def test_identities_are_forgotten_only_when_age_would_refuse_them_anyway():
 def test_feedback_is_taken_at_its_epoch_and_later_observations_are_replayed_on_it():
     with_feedback, by_hand = estimator(share=0.5), Estimator(Layout(), 1e-3 / 0.5, PRIOR, SECOND)
     for i in range(20):
-        with_feedback.insert(speed(0.1 * i, i), T0 + 2 * NS)
+        with_feedback.insert(speed(0.1 * i, i), T0 + 2 * NS_PER_S)
     mean, P = np.array([20.0, 21.0, 0.5]), np.diag([0.1, 0.2, 0.3])
-    assert with_feedback.accept_feedback(T0 + NS, mean, P, 0.5)
-    by_hand.start_from(T0 + NS, mean, P / 0.5)
+    assert with_feedback.accept_feedback(T0 + NS_PER_S, mean, P, 0.5)
+    by_hand.start_from(T0 + NS_PER_S, mean, P / 0.5)
     for i in range(11, 20):
-        by_hand.insert(speed(0.1 * i, i), T0 + 2 * NS)
-    assert with_feedback.lists_at(T0 + 2 * NS) == by_hand.lists_at(T0 + 2 * NS)
+        by_hand.insert(speed(0.1 * i, i), T0 + 2 * NS_PER_S)
+    assert with_feedback.lists_at(T0 + 2 * NS_PER_S) == by_hand.lists_at(T0 + 2 * NS_PER_S)
 
 
 def test_superseded_feedback_changes_nothing():
     e = estimator()
     e.insert(speed(0.0, 0), T0)
-    assert e.accept_feedback(T0 + NS, np.zeros(3), np.eye(3), 1.0)
-    before = e.lists_at(T0 + 2 * NS)
-    assert not e.accept_feedback(T0 + NS, np.ones(3), np.eye(3), 1.0)
-    assert not e.accept_feedback(T0 + NS // 2, np.ones(3), np.eye(3), 1.0)
-    assert e.lists_at(T0 + 2 * NS) == before
+    assert e.accept_feedback(T0 + NS_PER_S, np.zeros(3), np.eye(3), 1.0)
+    before = e.lists_at(T0 + 2 * NS_PER_S)
+    assert not e.accept_feedback(T0 + NS_PER_S, np.ones(3), np.eye(3), 1.0)
+    assert not e.accept_feedback(T0 + NS_PER_S // 2, np.ones(3), np.eye(3), 1.0)
+    assert e.lists_at(T0 + 2 * NS_PER_S) == before
 
 
 def test_an_observation_older_than_the_feedback_is_absorbed_once():
     e = estimator()
-    e.accept_feedback(T0 + NS, np.zeros(3), np.eye(3), 1.0)
-    before = e.lists_at(T0 + 2 * NS)
-    assert e.insert(speed(0.9, 0), T0 + NS) == "absorbed"
-    assert e.insert(speed(0.9, 0), T0 + NS) == "duplicate"
-    assert e.lists_at(T0 + 2 * NS) == before
+    e.accept_feedback(T0 + NS_PER_S, np.zeros(3), np.eye(3), 1.0)
+    before = e.lists_at(T0 + 2 * NS_PER_S)
+    assert e.insert(speed(0.9, 0), T0 + NS_PER_S) == "absorbed"
+    assert e.insert(speed(0.9, 0), T0 + NS_PER_S) == "duplicate"
+    assert e.lists_at(T0 + 2 * NS_PER_S) == before
 
 
 def test_feedback_on_common_states_alone_conditions_the_private_ones():

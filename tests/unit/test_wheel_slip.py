@@ -37,7 +37,7 @@ def test_a_wheel_that_grips_counts_as_the_sensor_says() -> None:
     observer = watch()
     assert see(observer, 1.0)[0].variance == pytest.approx(1.05**2 * 0.0025, rel=0.01)
     assert codes(observer) == []
-    assert not observer.holds_back
+    assert not observer.is_gating
 
 
 @pytest.mark.parametrize(("ratio", "code"), [(0.1, "wheel_spin"), (-0.1, "wheel_slide"), (-1.0, "wheel_slide")])
@@ -48,7 +48,7 @@ def test_a_wheel_that_slips_is_named_once_and_does_not_count(ratio: float, code:
     notices = observer.notices()
     assert [notice.code for notice in notices] == [code]
     assert f"slip ratio {-ratio:+.3f} at 72.0 km/h" in notices[0].text
-    assert observer.holds_back
+    assert observer.is_gating
 
 
 def test_a_slip_short_of_the_threshold_does_not_count_and_is_not_named() -> None:
@@ -92,7 +92,7 @@ def test_a_wheel_grips_again_when_it_has_run_as_expected_for_the_hold_time() -> 
     assert notice.code == "wheel_grips"
     # five readings of 2 m/s too fast over 0.1 s each
     assert "+1.00 m further" in notice.text
-    assert not observer.holds_back
+    assert not observer.is_gating
 
 
 def test_a_wheel_that_slips_again_within_the_hold_time_starts_it_anew() -> None:

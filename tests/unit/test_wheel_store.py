@@ -17,7 +17,7 @@ from milepost.estimation.filters import FILTERS
 from milepost.estimation.filters.base import FilterSetup
 from milepost.estimation.layout import Layout
 from milepost.nodes.filter import FilterNode
-from milepost.runtime.calibration_store import WRITE_EVERY_NS, Keeper, keeper_for
+from milepost.runtime.calibration_store import WRITE_EVERY_NS, CalibrationStore, calibration_store_for
 from milepost.sensors.odometer.calibration import DAY_NS, Calibration, as_knowledge, from_bytes, to_bytes
 from milepost_schemas import Estimate, Event, SpeedReading
 
@@ -132,7 +132,7 @@ def events(outputs: Any) -> list[tuple[str, str]]:
 
 def test_a_kept_calibration_enters_with_the_first_reading_and_never_again() -> None:
     cold = node()
-    assert events(cold.recall(to_bytes(KEPT), NOW)) == [("info", "calibration_recalled")]
+    assert events(cold.restore(to_bytes(KEPT), NOW)) == [("info", "calibration_restored")]
     first, second = take(cold, 1), take(cold, 2)
     assert [o.row for o in first.observations[1:]] == [[0.0, 0.0, 0.0, 1.0]]
     assert [o.component for o in first.observations] == [0, 1]
@@ -144,15 +144,15 @@ def test_a_kept_calibration_enters_with_the_first_reading_and_never_again() -> N
 @pytest.mark.parametrize("kind", sorted(FILTERS))
 def test_a_kept_calibration_enters_as_it_is_whatever_the_filter_makes_of_readings(kind: str) -> None:
     cold = node(kind=kind)
-    list(cold.recall(to_bytes(KEPT), NOW))
+    list(cold.restore(to_bytes(KEPT), NOW))
     plain = node()
-    list(plain.recall(to_bytes(KEPT), NOW))
+    list(plain.restore(to_bytes(KEPT), NOW))
     assert take(cold, 1).observations[1] == take(plain, 1).observations[1]
 
 
 def test_a_bad_file_is_an_event_and_the_prior_stands() -> None:
     cold = node()
-    (output,) = cold.recall(to_bytes(replace(KEPT, unit="other")), NOW)
+    (output,) = cold.restore(to_bytes(replace(KEPT, unit="other")), NOW)
     assert isinstance(output.message, Event)
     assert output.message.code == "calibration_unusable"
     assert "it is of other" in output.message.text
@@ -161,11 +161,11 @@ def test_a_bad_file_is_an_event_and_the_prior_stands() -> None:
 
 def test_what_a_filter_keeps_is_what_it_learned() -> None:
     warm = node()
-    assert warm.keepsake() is None
-    list(warm.recall(to_bytes(KEPT), NOW))
+    assert warm.snapshot() is None
+    list(warm.restore(to_bytes(KEPT), NOW))
     for sequence in range(1, 5):
         take(warm, sequence)
-    kept = warm.keepsake()
+    kept = warm.snapshot()
     assert kept is not None
     again = from_bytes(kept)
     assert (again.unit, again.told_diameter_m, again.saved_at_ns) == ("odo", 0.81, NOW + 400_000_000)
@@ -179,27 +179,27 @@ def test_what_a_filter_keeps_is_what_it_learned() -> None:
 def test_a_calibration_survives_a_cold_start_through_the_disk(tmp_path: Path) -> None:
     state = tmp_path / "state"
     warm = node()
-    list(warm.recall(to_bytes(KEPT), NOW))
+    list(warm.restore(to_bytes(KEPT), NOW))
     take(warm, 1)
-    keeper = keeper_for(warm, "metro-1", state)
-    assert keeper is not None
-    assert list(keeper.recall(NOW)) == []
-    keeper.write()
+    store = calibration_store_for(warm, "metro-1", state)
+    assert store is not None
+    assert list(store.restore(NOW)) == []
+    store.write()
     assert [path.name for path in state.iterdir()] == ["metro-1.odo.json"]
     cold = node()
-    again = keeper_for(cold, "metro-1", state)
+    again = calibration_store_for(cold, "metro-1", state)
     assert again is not None
-    assert events(again.recall(NOW + 10**9)) == [("info", "calibration_recalled")]
+    assert events(again.restore(NOW + 10**9)) == [("info", "calibration_restored")]
     assert take(cold, 2).belief.mean[3] == pytest.approx(0.0568, abs=2e-3)
 
 
 def test_writing_happens_every_five_seconds_and_replaces_the_file(tmp_path: Path) -> None:
     warm = node()
     take(warm, 1)
-    keeper = Keeper(warm, tmp_path / "k.json")
+    store = CalibrationStore(warm, tmp_path / "k.json")
     written = []
     for second in range(12):
-        keeper.once_a_second(NOW + second * 10**9)
+        store.once_a_second(NOW + second * 10**9)
         written.append((tmp_path / "k.json").stat().st_ino)
     assert WRITE_EVERY_NS == 5 * 10**9
     assert [written[i] != written[i - 1] for i in range(1, 12)] == [i in (5, 10) for i in range(1, 12)]
@@ -210,12 +210,12 @@ def test_a_disk_that_fails_is_said_once_and_stops_nothing(tmp_path: Path, caplog
     warm = node()
     take(warm, 1)
     (tmp_path / "file").write_text("in the way")
-    keeper = Keeper(warm, tmp_path / "file" / "k.json")
-    keeper.write()
-    keeper.write()
+    store = CalibrationStore(warm, tmp_path / "file" / "k.json")
+    store.write()
+    store.write()
     assert len([r for r in caplog.records if "not kept" in r.message]) == 1
-    assert list(keeper.recall(NOW)) == []
+    assert list(store.restore(NOW)) == []
 
 
 def test_nothing_is_kept_without_a_folder() -> None:
-    assert keeper_for(node(), "metro-1", None) is None
+    assert calibration_store_for(node(), "metro-1", None) is None

@@ -20,7 +20,7 @@ ORIGINS = {"readings": ("reading",), "estimates": ("estimate", "fix")}
 def run_rerun(readings: Path, train_file: Path, out: Path, origin: str) -> int:
     """Write the settled states of a recording. Raises ConfigError for files that cannot be used."""
     if origin not in ORIGINS:
-        raise ConfigError("rerun", "--from", f"{origin!r} is none of {', '.join(ORIGINS)}")
+        raise ConfigError("rerun", "--from", f"must be one of {', '.join(ORIGINS)}, not {origin!r}")
     if not readings.is_file():
         raise ConfigError(readings, "", "no such file")
     if not out.parent.is_dir():

@@ -44,7 +44,7 @@ def run_role(
     from milepost.config.train import load_train
 
     if role not in ROLES:
-        raise ConfigError("run", "ROLE", f"{role!r} is none of router, {', '.join(ROLES)}")
+        raise ConfigError("run", "ROLE", f"must be one of router, {', '.join(ROLES)}, not {role!r}")
     train = load_train(train_file)
     units = ROLES[role].units(train)
     if not ROLES[role].per_unit:

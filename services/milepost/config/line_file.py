@@ -112,7 +112,7 @@ def _balises(path: Path, file: LineFile, length_m: float) -> tuple[Balise, ...]:
     seen: set[str] = set()
     for i, row in enumerate(file.balises):
         if row.id in seen:
-            raise ConfigError(path, f"balises.{i}.id", f"{row.id} stands twice")
+            raise ConfigError(path, f"balises.{i}.id", f"duplicate balise {row.id}")
         if row.position_m > length_m:
             raise ConfigError(path, f"balises.{i}.position_m", f"beyond the line's {length_m:.1f} m")
         seen.add(row.id)

@@ -12,6 +12,7 @@ from milepost.estimation.estimator import Prior
 from milepost.estimation.filters.base import FilterSetup
 from milepost.estimation.layout import Layout
 from milepost.estimation.shares import FixedShares, Shares, SharesByAccuracy, SharesBySpeed, SpeedRow
+from milepost.estimation.time_units import NS_PER_S
 from milepost.nodes.balise import BaliseNode
 from milepost.nodes.base import Node
 from milepost.nodes.filter import FilterNode
@@ -24,8 +25,6 @@ from milepost.sensors.base import World
 from .train import Train
 from .train_file import BySpeedFile
 from .yaml_files import ConfigError
-
-NS = 1_000_000_000
 
 
 @dataclass(frozen=True)
@@ -78,7 +77,7 @@ def _filter(train: Train, unit: str, setting: Setting) -> Node:
         full_layout(train).only([unit]),
         train.file.motion_model.jerk_psd_m2ps5,
         prior(train),
-        round(fusion.horizon_s * NS),
+        round(fusion.horizon_s * NS_PER_S),
         share or 1.0,
     )
     kind, options = train.filters[unit]
@@ -121,7 +120,10 @@ def fuser_settings(train: Train) -> FuserSettings:
     fusion = train.file.fusion
     rows = [
         UnitRow(
-            unit, order, None if sensor.period_s is None else round(sensor.period_s * NS), sensor.options.filter is not None
+            unit,
+            order,
+            None if sensor.period_s is None else round(sensor.period_s * NS_PER_S),
+            sensor.options.filter is not None,
         )
         for order, (unit, sensor) in enumerate(train.sensors.items())
     ]
@@ -129,7 +131,7 @@ def fuser_settings(train: Train) -> FuserSettings:
         rule=fusion.rule,
         period_ns=fusion.period_ms * 1_000_000,
         deadline_ns=round(fusion.deadline_ms * 1e6),
-        horizon_ns=round(fusion.horizon_s * NS),
+        horizon_ns=round(fusion.horizon_s * NS_PER_S),
         feedback=fusion.feedback,
         feedback_every=fusion.feedback_every,
         shares=shares(train),

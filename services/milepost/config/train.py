@@ -69,7 +69,7 @@ def load_train(path: Path, change: Mapping[str, Any] | None = None) -> Train:
     for unit, entry in file.units.items():
         kind = SENSORS.get(str(entry.get("kind")))
         if kind is None:
-            raise ConfigError(path, f"units.{unit}.kind", f"{entry.get('kind')!r} is none of {', '.join(SENSORS)}")
+            raise ConfigError(path, f"units.{unit}.kind", f"must be one of {', '.join(SENSORS)}, not {entry.get('kind')!r}")
         options = validate(path, entry, kind.options_model, f"units.{unit}")
         if options.filter is not None:
             filters[unit] = _filter(path, f"units.{unit}.filter", options.filter)
@@ -96,7 +96,7 @@ def _filter(path: Path, field: str, named: str | dict[str, Any]) -> tuple[type[L
     name = said.pop("kind", None)
     row = FILTERS.get(str(name))
     if row is None:
-        raise ConfigError(path, field, f"{name!r} is none of {', '.join(FILTERS)}")
+        raise ConfigError(path, field, f"must be one of {', '.join(FILTERS)}, not {name!r}")
     return row, validate_dataclass(path, said, row.options_model, field)
 
 

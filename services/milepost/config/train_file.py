@@ -91,7 +91,7 @@ class FusionFile(BaseModel):
     @model_validator(mode="after")
     def _known(self) -> FusionFile:
         if self.rule not in RULES:
-            raise ValueError(f"rule: {self.rule!r} is none of {', '.join(RULES)}")
+            raise ValueError(f"rule: must be one of {', '.join(RULES)}, not {self.rule!r}")
         return self
 
 

@@ -7,16 +7,17 @@ from typing import NamedTuple
 
 import numpy as np
 
+from milepost.estimation.time_units import S_PER_NS
+
 from .estimator import Prior
 from .kalman import predict, update
 from .layout import PLACES_OF_COMMON, Array, Layout
 from .motion import full_process_noise, full_transition
-from .timeline import NS
 
 # sensors on a grid repeat the same few intervals for ever; those that do not must not fill the memory
 KEPT_INTERVALS = 1024
 
-Row = tuple[tuple[float, ...], float, float]
+LinearRow = tuple[tuple[float, ...], float, float]
 
 
 class Reading(NamedTuple):
@@ -30,7 +31,7 @@ class Reading(NamedTuple):
     sequence: int
     instance: str
     unit: str
-    observe: Callable[[Array, Array], Iterable[Row]]
+    observe: Callable[[Array, Array], Iterable[LinearRow]]
 
 
 def centralised(
@@ -87,7 +88,7 @@ class _Steps:
         if step is None:
             if len(self._kept) >= KEPT_INTERVALS:
                 self._kept.clear()
-            dt_s = dt_ns * NS
+            dt_s = dt_ns * S_PER_NS
             step = full_transition(dt_s, self._layout), full_process_noise(dt_s, self._jerk_psd, self._layout)
             self._kept[dt_ns] = step
         return predict(x, P, *step)

@@ -11,12 +11,14 @@ from typing import Any
 
 import numpy as np
 
+from milepost.estimation.time_units import S_PER_NS
+
 from .gaussian import check_share, inflate_common, replace_common
 from .kalman import ArrayKernel
 from .layout import N_COMMON, Array, Layout
 from .motion import full_process_noise, full_transition
 from .scalar import ScalarKernel
-from .timeline import NS, Counters, Observation, Timeline
+from .timeline import Counters, Observation, Timeline
 
 
 @dataclass(frozen=True)
@@ -99,7 +101,7 @@ class Estimator:
             return state
         mean, shared = self._kernel.unpack(self._timeline.state_at(base_ns))
         fused = replace_common(mean, shared, mean[:N_COMMON], self._share * shared[:N_COMMON, :N_COMMON])[1]
-        dt_s = (base_ns - at_ns) * NS
+        dt_s = (base_ns - at_ns) * S_PER_NS
         F = full_transition(-dt_s, self.layout)
         return F @ mean, F @ (fused + full_process_noise(dt_s, self._jerk_psd, self.layout)) @ F.T
 

@@ -8,19 +8,21 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
+from milepost.estimation.time_units import S_PER_NS
+
 from .estimator import Estimator, Prior, kernel_for
 from .federated import fuse
 from .kalman import update
 from .layout import COMMON, Array, Layout
 from .motion import transition
-from .timeline import NS, Counters, Observation, untimely
+from .timeline import Counters, Observation, untimely
 
 # forgetting costs the length of a list, so it is done for some at once
 FORGET_AT_LEAST = 64
 Lists = tuple[list[float], list[list[float]]]
 
 
-class Belief(NamedTuple):
+class LocalBelief(NamedTuple):
     """A filter's mean and covariance at a time; `fed` if feedback is in it, so that it began where the others did."""
 
     at_ns: int
@@ -36,7 +38,7 @@ class FusionRule(Protocol):
     counters: Counters
 
     def take_estimate(
-        self, unit: str, belief: Belief, observations: Sequence[Observation], now_ns: int
+        self, unit: str, belief: LocalBelief, observations: Sequence[Observation], now_ns: int
     ) -> list[str | None]: ...
     def take_fix(self, fix: Observation, now_ns: int) -> str | None: ...
     def start_from(self, at_ns: int, mean: Array, covariance: Array) -> None: ...
@@ -56,7 +58,13 @@ class InformationFusion:
         self.names = layout.names
         self.counters = self.estimator.counters
 
-    def take_estimate(self, unit: str, belief: Belief, observations: Sequence[Observation], now_ns: int) -> list[str | None]:  # noqa: ARG002
+    def take_estimate(
+        self,
+        unit: str,  # noqa: ARG002
+        belief: LocalBelief,  # noqa: ARG002
+        observations: Sequence[Observation],
+        now_ns: int,
+    ) -> list[str | None]:
         """Insert the observations; the belief is not needed."""
         return [self.estimator.insert(o, now_ns) for o in observations]
 
@@ -94,14 +102,16 @@ class FederatedFusion:
         self._jerk_psd = jerk_psd
         self._horizon_ns = horizon_ns
         self._feedback = feedback
-        self._beliefs: dict[str, list[Belief]] = {}
+        self._beliefs: dict[str, list[LocalBelief]] = {}
         self._first_heard: dict[str, int] = {}
         self._fixes: list[Observation] = []
         # the epoch that took each fix: asked again, it takes it again, and no other does
         self._taken_at: dict[tuple[object, ...], int] = {}
         self._seen: dict[tuple[str, int], int] = {}
 
-    def take_estimate(self, unit: str, belief: Belief, observations: Sequence[Observation], now_ns: int) -> list[str | None]:
+    def take_estimate(
+        self, unit: str, belief: LocalBelief, observations: Sequence[Observation], now_ns: int
+    ) -> list[str | None]:
         """Keep the belief; the observations are not needed."""
         reason = self._untimely(belief.at_ns, now_ns)
         if reason is None and min(row[i] for i, row in enumerate(belief.covariance[:3])) <= 0.0:
@@ -140,22 +150,22 @@ class FederatedFusion:
         for fix in sorted(
             f for f in self._fixes if f.measured_at_ns <= at_ns and self._taken_at.setdefault(f[:5], at_ns) == at_ns
         ):
-            age = (at_ns - fix.measured_at_ns) * NS
+            age = (at_ns - fix.measured_at_ns) * S_PER_NS
             row = row_now(fix.row, age)
             mean, covariance = update(mean, covariance, row, fix.value, fix.variance)
         return mean.tolist(), covariance.tolist()
 
-    def _last(self, unit: str, at_ns: int) -> Belief | None:
+    def _last(self, unit: str, at_ns: int) -> LocalBelief | None:
         kept = self._beliefs.get(unit, [])
         place = bisect_right(kept, at_ns, key=lambda b: b.at_ns)
         return kept[place - 1] if place else None
 
-    def _carried(self, belief: Belief, at_ns: int, share: float) -> tuple[Array, Array]:
+    def _carried(self, belief: LocalBelief, at_ns: int, share: float) -> tuple[Array, Array]:
         mean, covariance = np.array(belief.mean)[:3], np.array(belief.covariance)[:3, :3]
         if at_ns == belief.at_ns:
             return mean, covariance
         kernel = kernel_for(self._common, self._jerk_psd / share)
-        state = kernel.advance(kernel.pack(mean, covariance), (at_ns - belief.at_ns) * NS)  # type: ignore[arg-type]
+        state = kernel.advance(kernel.pack(mean, covariance), (at_ns - belief.at_ns) * S_PER_NS)  # type: ignore[arg-type]
         return kernel.unpack(state)  # type: ignore[arg-type]
 
     def advance_to(self, now_ns: int) -> None:

@@ -50,7 +50,7 @@ class HInfinityKernel(ArrayKernel):
     combinations: Array | None = None
     existence: Existence = field(default_factory=Existence, compare=False)
 
-    def observe(self, state: tuple[Array, Array], row: tuple[float, ...], value: float, variance: float) -> tuple[Array, Array]:
+    def update(self, state: tuple[Array, Array], row: tuple[float, ...], value: float, variance: float) -> tuple[Array, Array]:
         """The belief after one observation."""
         h = np.array(row)
         L = h[None, :] / math.sqrt(variance) if self.combinations is None else self.combinations

@@ -78,6 +78,6 @@ class ArrayKernel:
             self._steps[dt_s] = step
         return predict(*state, *step)
 
-    def observe(self, state: tuple[Array, Array], row: tuple[float, ...], value: float, variance: float) -> tuple[Array, Array]:
+    def update(self, state: tuple[Array, Array], row: tuple[float, ...], value: float, variance: float) -> tuple[Array, Array]:
         """The belief after one observation."""
         return update(*state, np.array(row), value, variance)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .layout import Array
-from .rls import BLIND, SETTLING, LocalParabola
+from .rls import MAX_USEFUL_VARIANCE, SETTLING, LocalParabola
 from .scalar import ScalarKernel, Scalars
 from .swarm import Swarm
 from .unscented import unscented_gain_terms
@@ -18,7 +18,7 @@ LEVEL = (1.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True)
-class ErrorModel:
+class ForgettingModel:
     """The forgetting factor and a reading's weight from its error.
 
     With q = e²/S the squared error in units of its expected variance: δ = ν/(ν + q), the share of the reading that is
@@ -55,7 +55,7 @@ class Tuning:
 class SwarmTunedSmoother:
     """PU-RLS as a pre-filter: smoothed readings z' and the variance R_eff that they are worth.
 
-    A local parabola (see `rls.LocalParabola`) whose gain uses the unscented P x and whose λ and ω follow `ErrorModel`;
+    A local parabola (see `rls.LocalParabola`) whose gain uses the unscented P x and whose λ and ω follow `ForgettingModel`;
     the swarm chooses (λ_min, ρ) for the least J = Σ η^(n-i) δ_i q_i of one-step errors over the window [C (7); η fixed,
     because with the candidate's own λ as the weight a short memory would always seem best].
     σ² is the scale of Student's t: mean of ω e²/(1 + V_yy). A reading of weight ω is worth the information
@@ -66,7 +66,7 @@ class SwarmTunedSmoother:
 
     DECAY = 0.95
 
-    def __init__(self, start: float, memory: int, model: ErrorModel, tuning: Tuning) -> None:
+    def __init__(self, start: float, memory: int, model: ForgettingModel, tuning: Tuning) -> None:
         self._model = model
         self._tuning = tuning
         self._swarm = Swarm((0.7, 0.0), (model.longest, 2.0), tuning.particles, tuning.seed)
@@ -96,7 +96,7 @@ class SwarmTunedSmoother:
         if parabola.advance(dt_s):
             self._window.clear()
         predicted = parabola.predicted()
-        seeing = predicted.variance < BLIND
+        seeing = predicted.variance < MAX_USEFUL_VARIANCE
         square = (value - predicted.value) ** 2 / (1.0 + predicted.variance)
         q = square / self._scale if seeing else 1.0
         weight, factor = self._model.weight(q), self._model.forgetting(q, self.shortest, self.sensitivity)
@@ -135,5 +135,5 @@ class SwarmTunedSmoother:
             weight = self._model.weight(q)
             cost = self.DECAY * cost + weight * q
             factor = self._model.forgetting(q, shortest, sensitivity)
-            state = STILL.observe((s, v, a, *(p / factor for p in P)), LEVEL, value, 1.0 / weight)  # type: ignore[arg-type]
+            state = STILL.update((s, v, a, *(p / factor for p in P)), LEVEL, value, 1.0 / weight)  # type: ignore[arg-type]
         return cost if np.isfinite(cost) else float("inf")

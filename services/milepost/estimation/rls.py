@@ -12,10 +12,10 @@ from .layout import Array
 from .motion import transition
 
 # what the parabola's coefficients may be before the first reading, in units of the noise: nothing is known
-VAGUE = 1e8
+PRIOR_VARIANCE = 1e8
 # above this variance, in units of R, an expectation teaches nothing: too few readings, or a long gap
-BLIND = 30.0
-LOST = 1e3
+MAX_USEFUL_VARIANCE = 30.0
+RESET_VARIANCE = 1e3
 # until so many innovations were weighed, nothing is known about the noise but what the sensor states
 SETTLING = 8.0
 X = np.eye(3)[0]
@@ -65,14 +65,14 @@ class LocalParabola:
 
     def restart(self) -> None:
         """Forget everything."""
-        self.w, self.P, self.V = np.zeros(3), VAGUE * np.eye(3), VAGUE * np.eye(3)
+        self.w, self.P, self.V = np.zeros(3), PRIOR_VARIANCE * np.eye(3), PRIOR_VARIANCE * np.eye(3)
         self._seeing = False
 
     def advance(self, dt_s: float) -> bool:
         """Move the origin of time; True if it began anew, because after such a gap nothing is left to expect."""
         F = transition(dt_s)
         self.w, self.P, self.V = F @ self.w, F @ self.P @ F.T, F @ self.V @ F.T
-        lost = self._seeing and self.V[0, 0] > LOST
+        lost = self._seeing and self.V[0, 0] > RESET_VARIANCE
         if lost:
             self.restart()
         return bool(lost)
@@ -80,7 +80,7 @@ class LocalParabola:
     def predicted(self) -> Predicted:
         """What is expected of a reading now."""
         variance = float(self.V[0, 0])
-        self._seeing = self._seeing or variance < BLIND
+        self._seeing = self._seeing or variance < MAX_USEFUL_VARIANCE
         return Predicted(*self._terms(self.w, self.P, level), variance)
 
     def learn(self, predicted: Predicted, value: float, forgetting: float, weight: float = 1.0) -> float:
@@ -133,7 +133,7 @@ class ForgettingSmoother:
         self._parabola.advance(dt_s)
         predicted = self._parabola.predicted()
         smoothed = self._parabola.learn(predicted, value, self._forgetting)
-        if predicted.variance < BLIND:
+        if predicted.variance < MAX_USEFUL_VARIANCE:
             self._weight = min(self._weight + 1.0, self._memory)
             sample = (value - predicted.value) ** 2 / (1.0 + predicted.variance)
             self.noise_variance += (sample - self.noise_variance) / max(self._weight, 2.0)

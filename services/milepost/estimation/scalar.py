@@ -67,7 +67,7 @@ class ScalarKernel:
             p22 + qt,
         )
 
-    def observe(self, state: Scalars, row: tuple[float, ...], value: float, variance: float) -> Scalars:
+    def update(self, state: Scalars, row: tuple[float, ...], value: float, variance: float) -> Scalars:
         """The belief after one scalar observation, in Joseph's form."""
         s, v, a, p00, p01, p02, p11, p12, p22 = state
         h0, h1, h2 = row

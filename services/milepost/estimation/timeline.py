@@ -12,7 +12,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple, Protocol
 
-NS = 1e-9
+from .time_units import S_PER_NS
+
 FUTURE_NS = 500_000_000
 # deleting from the front of a list costs its length, so it is done for many knots at once
 PRUNE_AT_LEAST = 256
@@ -48,7 +49,7 @@ class Kernel(Protocol):
     """The mathematics that a timeline runs: states are opaque to it."""
 
     def advance(self, state: Any, dt_s: float) -> Any: ...
-    def observe(self, state: Any, row: tuple[float, ...], value: float, variance: float) -> Any: ...
+    def update(self, state: Any, row: tuple[float, ...], value: float, variance: float) -> Any: ...
 
 
 @dataclass(slots=True)
@@ -175,13 +176,13 @@ class Timeline:
             state, from_ns = self._base, self._base_ns
         else:
             return None
-        return self.kernel.advance(state, (at_ns - from_ns) * NS) if at_ns > from_ns else state
+        return self.kernel.advance(state, (at_ns - from_ns) * S_PER_NS) if at_ns > from_ns else state
 
     def _replay(self, until: int) -> None:
         place = self._valid
         if place >= until:
             return
-        advance, observe = self.kernel.advance, self.kernel.observe
+        advance, update = self.kernel.advance, self.kernel.update
         if place:
             state, at = self._states[place - 1], self._keys[place - 1][0]
         else:
@@ -189,9 +190,9 @@ class Timeline:
         while place < until:
             knot = self._knots[place]
             if knot.measured_at_ns > at:
-                state = advance(state, (knot.measured_at_ns - at) * NS)
+                state = advance(state, (knot.measured_at_ns - at) * S_PER_NS)
                 at = knot.measured_at_ns
-            state = observe(state, knot.row, knot.value, knot.variance)
+            state = update(state, knot.row, knot.value, knot.variance)
             self._states[place] = state
             place += 1
         self._valid = until

@@ -10,10 +10,10 @@ from typing import Any
 from milepost.config.scenario_file import ScenarioFile
 from milepost.config.yaml_files import ConfigError, read_yaml, validate
 
-from .claims import Row, judge
+from .claims import JudgedClaim, judge
 from .plan import Plan, make_plan
 from .pool import Outcome, Task, run_tasks
-from .scenario_run import Show, Traces
+from .scenario_run import ProgressCallback, Traces
 from .summary import summary
 
 
@@ -31,7 +31,7 @@ class Evaluated:
 
     plan: Plan
     results: list[dict[str, Any]]
-    rows: list[Row]
+    rows: list[JudgedClaim]
     traces: dict[str, Traces] | None
 
     @property
@@ -77,11 +77,11 @@ def tasks_of(plan: Plan, runs: int, keep: bool, record: Path | None = None) -> l
 
 
 def evaluate(
-    plans: Sequence[Plan], runs: int, jobs: int, keep: bool, show: Show, record: Path | None = None
+    plans: Sequence[Plan], runs: int, jobs: int, keep: bool, progress: ProgressCallback, record: Path | None = None
 ) -> list[Evaluated]:
     """Every plan on so many seeds, all of them sharing the processes."""
     tasks = [tasks_of(plan, runs, keep, record) for plan in plans]
-    outcomes = iter(run_tasks([task for group in tasks for task in group], jobs, show))
+    outcomes = iter(run_tasks([task for group in tasks for task in group], jobs, progress))
     return [_evaluated(plan, [next(outcomes) for _ in group]) for plan, group in zip(plans, tasks, strict=True)]
 
 

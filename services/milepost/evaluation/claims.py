@@ -12,7 +12,7 @@ from milepost.config.scenario_file import ClaimFile, ScenarioFile
 
 
 @dataclass(frozen=True)
-class Spread:
+class SeedStatistics:
     """A figure over all seeds: their median and the worst of them; `pooled`, where asked for, their root mean square."""
 
     median: float
@@ -21,7 +21,7 @@ class Spread:
 
 
 @dataclass(frozen=True)
-class Row:
+class JudgedClaim:
     """A claim judged: the figure by the source's method, by Milepost and by the optimum; absent where there is none.
 
     `met` is None where there is no target.
@@ -32,9 +32,9 @@ class Row:
     label: str
     says: str
     target: str
-    method: Spread | None
-    ours: Spread | None
-    optimum: Spread | None
+    method: SeedStatistics | None
+    ours: SeedStatistics | None
+    optimum: SeedStatistics | None
     met: bool | None
     why: str
 
@@ -43,15 +43,15 @@ class Row:
         return asdict(self)
 
 
-def judge(scenario: ScenarioFile, results: Sequence[dict[str, Any]]) -> list[Row]:
+def judge(scenario: ScenarioFile, results: Sequence[dict[str, Any]]) -> list[JudgedClaim]:
     """Each claim of a scenario against the figures of all its seeds. A figure that a run does not have meets nothing."""
     return [_row(scenario, claim, results) for claim in scenario.claims]
 
 
-def _row(scenario: ScenarioFile, claim: ClaimFile, results: Sequence[dict[str, Any]]) -> Row:
+def _row(scenario: ScenarioFile, claim: ClaimFile, results: Sequence[dict[str, Any]]) -> JudgedClaim:
     ours = _spread(claim, claim.ours, results)
     label = claim.label or claim.key + (f" / {claim.over}" if claim.over else "")
-    return Row(
+    return JudgedClaim(
         claim.source,
         scenario.scenario + (f" ({claim.variant})" if claim.variant else ""),
         label,
@@ -71,7 +71,7 @@ def _target(claim: ClaimFile) -> str:
     return "-" if claim.at_least is None else f"≥ {claim.at_least:g} ({claim.of})"
 
 
-def _meets(claim: ClaimFile, spread: Spread) -> bool | None:
+def _meets(claim: ClaimFile, spread: SeedStatistics) -> bool | None:
     held = {"median": spread.median, "worst": spread.worst, "pooled": spread.pooled}[claim.of]
     if held is None:
         return False
@@ -80,7 +80,7 @@ def _meets(claim: ClaimFile, spread: Spread) -> bool | None:
     return None if claim.at_least is None else held >= claim.at_least
 
 
-def _spread(claim: ClaimFile, estimator: str | None, results: Sequence[dict[str, Any]]) -> Spread | None:
+def _spread(claim: ClaimFile, estimator: str | None, results: Sequence[dict[str, Any]]) -> SeedStatistics | None:
     values = [_value(claim, estimator, result) for result in results]
     bases = [1.0 if claim.over is None else _value(claim, claim.over, result) for result in results]
     pairs = [(value, base) for value, base in zip(values, bases, strict=True) if value is not None and base is not None]
@@ -89,7 +89,7 @@ def _spread(claim: ClaimFile, estimator: str | None, results: Sequence[dict[str,
     numbers = [value / base for value, base in pairs]
     pooled = float(np.linalg.norm([v for v, _ in pairs]) / np.linalg.norm([b for _, b in pairs]))
     worst = min(numbers) if claim.at_least is not None else max(numbers)
-    return Spread(float(np.median(numbers)), worst, pooled if claim.of == "pooled" else None)
+    return SeedStatistics(float(np.median(numbers)), worst, pooled if claim.of == "pooled" else None)
 
 
 def _value(claim: ClaimFile, estimator: str | None, result: dict[str, Any]) -> float | None:

@@ -25,7 +25,7 @@ CREEP_AT_LEAST = 1e-4
 
 
 @dataclass(frozen=True)
-class Asked:
+class RequestedScore:
     """One figure that the scenario asks for: a row of the table of scores, its options, the window it is limited to.
 
     `estimator`: the one that it is of, where not each has its own.
@@ -51,21 +51,21 @@ class Asked:
 class Case:
     """One condition: the scenario's own (`name` is empty) or a variant's, and the trains to be run under it.
 
-    `rivals`: estimator → its train, those with nodes of their own beside the scenario's.
+    `comparators`: estimator → its train, those with nodes of their own beside the scenario's.
     """
 
     name: str
     train: Train
-    rivals: Mapping[str, Train]
+    comparators: Mapping[str, Train]
     compare: tuple[Builtin, ...]
     alone: tuple[str, ...]
-    asked: tuple[Asked, ...]
+    requested: tuple[RequestedScore, ...]
     fixes: tuple[RecordedFix, ...]
 
     @property
     def runs(self) -> int:
         """How many trains are run."""
-        return len(self.rivals) + 1
+        return len(self.comparators) + 1
 
 
 @dataclass(frozen=True)
@@ -80,7 +80,7 @@ class Plan:
     @property
     def more_is_better(self) -> set[str]:
         """The keys of figures of which the least is the worst."""
-        return {asked.key for asked in self.cases[0].asked if asked.score.more_is_better}
+        return {requested.key for requested in self.cases[0].requested if requested.score.more_is_better}
 
     @property
     def work_s(self) -> float:
@@ -103,9 +103,9 @@ def _case(path: Path, scenario: ScenarioFile, seed: int, name: str, variant: Var
     common = [scenario.change, variant.change, {"world": {"seed": seed}}]
     train = _train(path, scenario, common, f"{place}change")
     compare = scenario.compare if variant.compare is None else variant.compare
-    rivals = {}
+    comparators = {}
     if "federated" in compare:
-        rivals["federated"] = _train(path, scenario, [*common, {"fusion": {"rule": "federated"}}], f"{place}change")
+        comparators["federated"] = _train(path, scenario, [*common, {"fusion": {"rule": "federated"}}], f"{place}change")
     for taken in scenario.estimators.keys() & {*get_args(Builtin), *(f"{unit}_only" for unit in scenario.alone)}:
         raise ConfigError(path, f"estimators.{taken}", "is what one of our own is called")
     for chosen in scenario.estimators if variant.estimators is None else variant.estimators:
@@ -113,7 +113,7 @@ def _case(path: Path, scenario: ScenarioFile, seed: int, name: str, variant: Var
             raise ConfigError(path, f"{place}estimators", f"{chosen} is not among the scenario's estimators")
         told = scenario.estimators[chosen]
         rule = [{"fusion": {"rule": told.rule}}] if told.rule else []
-        rivals[chosen] = _train(path, scenario, [*common, told.change, *rule], f"estimators.{chosen}")
+        comparators[chosen] = _train(path, scenario, [*common, told.change, *rule], f"estimators.{chosen}")
     alone = scenario.alone if variant.alone is None else variant.alone
     # what cannot be compared afterwards is said before the work, not after it
     for unit in alone:
@@ -121,13 +121,13 @@ def _case(path: Path, scenario: ScenarioFile, seed: int, name: str, variant: Var
             raise ConfigError(path, f"{place}alone", f"{unit} has no filter in {train.path}")
     fixes = withheld_fixes(path, scenario, train) if scenario.withheld is not None else []
     windows = {**scenario.windows, **variant.windows}
-    asked = tuple(_asked(path, key, told or {}, scenario, windows) for key, told in scenario.scores.items())
-    for each in asked:
+    requested = tuple(_requested(path, key, told or {}, scenario, windows) for key, told in scenario.scores.items())
+    for each in requested:
         if each.window == "creep" and (train.file.world is None or train.file.world.creep is None):
             raise ConfigError(path, f"scores.{each.key}.within", "the wheels of this world do not creep")
         if isinstance(each.options, UnitOptions) and not isinstance(train.sensors.get(each.options.unit), Odometer):
             raise ConfigError(path, f"scores.{each.key}.unit", f"{each.options.unit} is no odometer of {train.path}")
-    return Case(name, train, rivals, tuple(compare), tuple(alone), asked, tuple(fixes))
+    return Case(name, train, comparators, tuple(compare), tuple(alone), requested, tuple(fixes))
 
 
 def _train(path: Path, scenario: ScenarioFile, changes: Iterable[Mapping[str, Any]], field: str) -> Train:
@@ -140,18 +140,20 @@ def _train(path: Path, scenario: ScenarioFile, changes: Iterable[Mapping[str, An
         raise ConfigError(path, field, str(error)) from error
 
 
-def _asked(path: Path, key: str, told: Mapping[str, Any], scenario: ScenarioFile, windows: Mapping[str, Window]) -> Asked:
+def _requested(
+    path: Path, key: str, told: Mapping[str, Any], scenario: ScenarioFile, windows: Mapping[str, Window]
+) -> RequestedScore:
     name, within, estimator = str(told.get("score", key)), told.get("within"), told.get("estimator")
     if name not in SCORES:
-        raise ConfigError(path, f"scores.{key}", f"{name!r} is none of {', '.join(SCORES)}")
+        raise ConfigError(path, f"scores.{key}", f"must be one of {', '.join(SCORES)}, not {name!r}")
     if within is not None and str(within) not in windows:
-        raise ConfigError(path, f"scores.{key}.within", f"{within!r} is none of the windows")
+        raise ConfigError(path, f"scores.{key}.within", f"must be one of the windows {', '.join(windows)}, not {within!r}")
     if estimator is not None and str(estimator) not in scenario.estimators:
-        raise ConfigError(path, f"scores.{key}.estimator", f"{estimator!r} is none of the scenario's estimators")
+        raise ConfigError(path, f"scores.{key}.estimator", f"must be one of the scenario's estimators, not {estimator!r}")
     options = {option: value for option, value in told.items() if option not in ("score", "within", "estimator")}
     row = SCORES[name]
     window = None if within is None else windows[str(within)]
-    return Asked(key, row, validate(path, options, row.options, f"scores.{key}"), window, estimator)
+    return RequestedScore(key, row, validate(path, options, row.options, f"scores.{key}"), window, estimator)
 
 
 def _check_claims(path: Path, scenario: ScenarioFile) -> None:

@@ -19,7 +19,7 @@ from milepost.offline.memory_bus import Tap
 from milepost.offline.message_log import write_line
 
 from .plan import make_plan
-from .scenario_run import Show, Traces, run_plan
+from .scenario_run import ProgressCallback, Traces, run_plan
 
 LOOK_EVERY_S = 0.2
 # what a picture needs; the figures are made from every epoch
@@ -50,22 +50,22 @@ class Cancelled(Exception):
     """Somebody pressed Ctrl-C."""
 
 
-def run_tasks(tasks: Sequence[Task], jobs: int, show: Show) -> list[Outcome]:
-    """The outcomes, in the order of the tasks; `show` is told the seconds of scenario time done in all."""
+def run_tasks(tasks: Sequence[Task], jobs: int, progress: ProgressCallback) -> list[Outcome]:
+    """The outcomes, in the order of the tasks; `progress` is told the seconds of scenario time done in all."""
     if min(jobs, len(tasks)) <= 1:
         out, done = [], 0.0
         for task in tasks:
-            out.append(run_task(task, _from(show, done)))
+            out.append(run_task(task, _from(progress, done)))
             done += task.work_s
         return out
-    return _in_processes(tasks, min(jobs, len(tasks)), show)
+    return _in_processes(tasks, min(jobs, len(tasks)), progress)
 
 
-def run_task(task: Task, show: Show) -> Outcome:
+def run_task(task: Task, progress: ProgressCallback) -> Outcome:
     """One task, here and now."""
     plan = make_plan(task.path, task.seed)
     with _writer(task.record) as also:
-        run = run_plan(plan, also, show)
+        run = run_plan(plan, also, progress)
     return Outcome(task, run.result, {case: _thinned(traces) for case, traces in run.traces.items()} if task.keep else None)
 
 
@@ -86,11 +86,11 @@ def _to(file: TextIO) -> Tap:
     return lambda output, now_ns: write_line(file, output.message.train, output, now_ns)
 
 
-def _from(show: Show, done_s: float) -> Show:
-    return lambda t_s: show(done_s + t_s)
+def _from(progress: ProgressCallback, done_s: float) -> ProgressCallback:
+    return lambda t_s: progress(done_s + t_s)
 
 
-def _in_processes(tasks: Sequence[Task], jobs: int, show: Show) -> list[Outcome]:
+def _in_processes(tasks: Sequence[Task], jobs: int, progress: ProgressCallback) -> list[Outcome]:
     spawn = multiprocessing.get_context("spawn")
     with _interrupt_held_back():
         manager = SyncManager(ctx=spawn)
@@ -100,7 +100,7 @@ def _in_processes(tasks: Sequence[Task], jobs: int, show: Show) -> list[Outcome]
         with _interrupt_held_back():
             futures = [pool.submit(_work, place, task, done_s, stop) for place, task in enumerate(tasks)]
         try:
-            _watch(futures, lambda: show(sum(done_s)))
+            _watch(futures, lambda: progress(sum(done_s)))
         except BaseException:
             # a worker looks at this each second of its scenario's time
             stop.set()
@@ -143,9 +143,9 @@ def _end_with_parent() -> None:
 
 
 def _work(place: int, task: Task, done_s: MutableSequence[float], stop: threading.Event) -> Outcome:
-    def show(t_s: float) -> None:
+    def progress(t_s: float) -> None:
         if stop.is_set():
             raise Cancelled
         done_s[place] = t_s
 
-    return run_task(task, show)
+    return run_task(task, progress)

@@ -11,7 +11,7 @@ from string import Template
 from typing import Any
 
 from .campaign import Evaluated, Skipped, as_fields
-from .claims import Row
+from .claims import JudgedClaim
 from .plotting import Spans, draw_diameter, draw_errors, draw_shares
 from .scenario_run import Traces
 from .tables import HEADINGS, flat, row_cells, with_worst
@@ -42,12 +42,12 @@ def write_report(folder: Path, done: Sequence[Evaluated], skipped: Sequence[Skip
     (folder / "results.json").write_text(json.dumps(as_fields(done, skipped), indent=1) + "\n", encoding="utf-8")
 
 
-def _verdict(rows: Sequence[Row]) -> str:
+def _verdict(rows: Sequence[JudgedClaim]) -> str:
     judged = [row.met for row in rows if row.met is not None]
     return f"{sum(judged)} of {len(judged)} targets met."
 
 
-def _claims(rows: Sequence[Row]) -> str:
+def _claims(rows: Sequence[JudgedClaim]) -> str:
     lines = [_line(HEADINGS, "th")]
     for row in rows:
         lines.append(_line(row_cells(row), "td", KIND[row.met]))

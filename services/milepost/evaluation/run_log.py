@@ -19,21 +19,21 @@ from milepost.sensors.base import Belief, Observer
 from milepost_schemas import AbsoluteFix, Estimate, Feedback, FusedState, Gaussian, Message, Truth
 
 
-class Part(NamedTuple):
+class PrivateStates(NamedTuple):
     """Some states' means and variances."""
 
     means: list[float]
     variances: list[float]
 
 
-def private_part(belief: Gaussian) -> Part:
+def private_part(belief: Gaussian) -> PrivateStates:
     """What a belief says of private states."""
     P = belief.covariance
-    return Part(list(belief.mean[N_COMMON:]), [P[i][i] for i in range(N_COMMON, len(P))])
+    return PrivateStates(list(belief.mean[N_COMMON:]), [P[i][i] for i in range(N_COMMON, len(P))])
 
 
 @dataclass
-class Heard:
+class RunLog:
     """What one offline run said: truth, readings and fixes, states, and private states as they last stood.
 
     `private`: epoch → (means, variances), in the order of the train's layout: as they went back with the feedback, or, where
@@ -44,7 +44,7 @@ class Heard:
     train: Train
     also: Tap | None = None
     truth: dict[int, tuple[float, float, float]] = field(default_factory=dict)
-    said: list[tuple[int, Message]] = field(default_factory=list)
+    readings: list[tuple[int, Message]] = field(default_factory=list)
     live: dict[int, FusedState] = field(default_factory=dict)
     settled: dict[int, FusedState] = field(default_factory=dict)
     private: dict[int, tuple[list[float], list[float]]] = field(default_factory=dict)
@@ -52,7 +52,7 @@ class Heard:
 
     def __post_init__(self) -> None:
         self._orders = {unit: order for order, unit in enumerate(self.train.sensors)}
-        self._believed = {unit: Part([], []) for unit, sensor in self.train.sensors.items() if sensor.private_states}
+        self._believed = {unit: PrivateStates([], []) for unit, sensor in self.train.sensors.items() if sensor.private_states}
 
     def tap(self, output: Output, now_ns: int) -> None:
         """One message on the bus."""
@@ -70,9 +70,9 @@ class Heard:
                 self._believed[message.unit] = private_part(message.belief)
             self.counted.setdefault(message.unit, set()).update(o.measured_at_ns for o in message.observations)
         elif isinstance(message, AbsoluteFix):
-            self.said.append((self._orders[message.reader], message))
+            self.readings.append((self._orders[message.reader], message))
         elif output.stream.endswith("_reading"):
-            self.said.append((self._orders[message.unit], message))
+            self.readings.append((self._orders[message.unit], message))
 
     def _note_private(self, feedback: Feedback) -> None:
         fused, believed = private_part(feedback.fused), self._believed.values()
@@ -80,25 +80,25 @@ class Heard:
             self.private[feedback.measured_at_ns] = fused
         elif believed and all(part.means for part in believed):
             means, variances = ([value for part in believed for value in part[i]] for i in (0, 1))
-            self.private[feedback.measured_at_ns] = Part(means, variances)
+            self.private[feedback.measured_at_ns] = PrivateStates(means, variances)
 
     def keep(self, state: FusedState) -> None:
         """One settled state."""
         self.settled[state.measured_at_ns] = state
 
-    def readings(self, unit: str | None = None) -> list[Reading]:
+    def centralised_readings(self, unit: str | None = None) -> list[Reading]:
         """Readings and fixes for a centralised pass, seen by observers of its own; of one unit, or of all."""
         observers = {name: sensor.observer() for name, sensor in self.train.sensors.items()}
         return [
             _reading(order, message, observers)
-            for order, message in self.said
+            for order, message in self.readings
             if unit is None or unit == (message.reader if isinstance(message, AbsoluteFix) else message.unit)
         ]
 
     def begins_ns(self, mean: Array, covariance: Array, layout: Layout) -> int | None:
         """The time of the earliest reading that says anything, given the prior over all states: there the prior sits."""
         observers = {name: sensor.observer() for name, sensor in self.train.sensors.items()}
-        for order, message in sorted(self.said, key=lambda said: (said[1].measured_at_ns, said[0], said[1].sequence)):
+        for order, message in sorted(self.readings, key=lambda entry: (entry[1].measured_at_ns, entry[0], entry[1].sequence)):
             reading = _reading(order, message, observers)
             own = list(layout.indices.get(reading.unit, PLACES_OF_COMMON))
             if tuple(reading.observe(mean[own], covariance[np.ix_(own, own)])):
@@ -109,7 +109,7 @@ class Heard:
     def observations(self) -> list[Observation]:
         """What fixes and the readings of linear sensors say, whatever is believed."""
         out = []
-        for order, message in self.said:
+        for order, message in self.readings:
             if isinstance(message, AbsoluteFix):
                 out.append(of_fix(message, order))
             else:

@@ -12,19 +12,19 @@ import numpy as np
 from milepost.config.roles import full_layout, prior
 from milepost.config.yaml_files import ConfigError
 from milepost.estimation.centralised import centralised
-from milepost.estimation.timeline import NS
+from milepost.estimation.time_units import S_PER_NS
 from milepost.offline.collector import rare_collection
 from milepost.offline.memory_bus import Tap
 from milepost.offline.run import OFFLINE_START_NS, simulate
 from milepost.sensors.base import World
 
 from .plan import Case, Plan, make_plan
-from .run_log import Heard
+from .run_log import RunLog
 from .scores import basic
 from .trace import Trace, largest_difference_in_sigmas, trace_of_beliefs, trace_of_states
 from .withheld import score_withheld
 
-Show = Callable[[float], None]
+ProgressCallback = Callable[[float], None]
 Traces = dict[str, Trace]
 
 
@@ -33,61 +33,63 @@ class Run:
     """A scenario on one seed: its figures, what was heard of its own train, every case's and estimator's trace."""
 
     result: dict[str, Any]
-    heard: Heard
+    log: RunLog
     traces: dict[str, Traces]
 
 
-def evaluate_once(path: Path, seed: int | None, also: Tap | None, show: Show) -> tuple[dict[str, Any], Heard, Traces]:
+def evaluate_once(
+    path: Path, seed: int | None, also: Tap | None, progress: ProgressCallback
+) -> tuple[dict[str, Any], RunLog, Traces]:
     """One seed: the figures, what was heard of the scenario's own train, its estimators' traces. Raises ConfigError."""
-    run = run_plan(make_plan(path, seed), also, show)
-    return run.result, run.heard, run.traces[""]
+    run = run_plan(make_plan(path, seed), also, progress)
+    return run.result, run.log, run.traces[""]
 
 
-def run_plan(plan: Plan, also: Tap | None, show: Show) -> Run:
-    """All cases of a plan, one after another; `show` is told the seconds of scenario time done."""
+def run_plan(plan: Plan, also: Tap | None, progress: ProgressCallback) -> Run:
+    """All cases of a plan, one after another; `progress` is told the seconds of scenario time done."""
     scenario = plan.scenario
     result: dict[str, Any] = {"scenario": scenario.scenario, "seed": plan.seed, "duration_s": scenario.duration_s}
-    figures, own, traces = _run_case(plan, plan.cases[0], also, show)
+    figures, own, traces = _run_case(plan, plan.cases[0], also, progress)
     result |= figures
     kept, done = {"": traces}, plan.cases[0].runs * scenario.duration_s
     for case in plan.cases[1:]:
-        figures, _, kept[case.name] = _run_case(plan, case, None, _from(show, done))
+        figures, _, kept[case.name] = _run_case(plan, case, None, _from(progress, done))
         result.setdefault("variants", {})[case.name] = figures
         done += case.runs * scenario.duration_s
     return Run(result, own, kept)
 
 
-def _run_case(plan: Plan, case: Case, also: Tap | None, show: Show) -> tuple[dict[str, Any], Heard, Traces]:
+def _run_case(plan: Plan, case: Case, also: Tap | None, progress: ProgressCallback) -> tuple[dict[str, Any], RunLog, Traces]:
     duration_s = plan.scenario.duration_s
-    heard = Heard(case.train, also)
-    simulate(case.train, duration_s, heard.tap, heard.keep, show)
-    if heard.truth.keys().isdisjoint(heard.live):
+    log = RunLog(case.train, also)
+    simulate(case.train, duration_s, log.tap, log.keep, progress)
+    if log.truth.keys().isdisjoint(log.live):
         raise ConfigError(plan.path, "duration_s", "the run ends before there is a state to be compared with the truth")
     traces: Traces = {}
     if "fused" in case.compare:
-        traces["fused"] = _of_run(heard, settled=True)
-    for done, (name, train) in enumerate(case.rivals.items(), start=1):
-        rival = Heard(train)
-        simulate(train, duration_s, rival.tap, None, _from(show, done * duration_s))
-        traces[name] = _of_run(rival, settled=False)
+        traces["fused"] = _of_run(log, settled=True)
+    for done, (name, train) in enumerate(case.comparators.items(), start=1):
+        comparator = RunLog(train)
+        simulate(train, duration_s, comparator.tap, None, _from(progress, done * duration_s))
+        traces[name] = _of_run(comparator, settled=False)
     if "centralised" in case.compare:
-        traces["centralised"] = _centralised(heard, None)
+        traces["centralised"] = _centralised(log, None)
     for unit in case.alone:
-        traces[f"{unit}_only"] = _centralised(heard, unit)
-    return _figures(plan, case, heard, traces), heard, traces
+        traces[f"{unit}_only"] = _centralised(log, unit)
+    return _figures(plan, case, log, traces), log, traces
 
 
-def _from(show: Show, done_s: float) -> Show:
-    return lambda t_s: show(done_s + t_s)
+def _from(progress: ProgressCallback, done_s: float) -> ProgressCallback:
+    return lambda t_s: progress(done_s + t_s)
 
 
-def _figures(plan: Plan, case: Case, heard: Heard, traces: Traces) -> dict[str, Any]:
-    needs_world = any(asked.window == "creep" for asked in case.asked)
+def _figures(plan: Plan, case: Case, log: RunLog, traces: Traces) -> dict[str, Any]:
+    needs_world = any(requested.window == "creep" for requested in case.requested)
     world = case.train.world(plan.scenario.duration_s) if needs_world else None
     estimators: dict[str, Any] = {}
     for name, trace in traces.items():
         estimators[name] = basic(trace, plan.scenario.speed_after_s)
-        estimators[name] |= _asked(case, name, traces, world)
+        estimators[name] |= _requested(case, name, traces, world)
     result: dict[str, Any] = {"estimators": estimators}
     if {"fused", "centralised"} <= set(traces):
         ours, best = estimators["fused"], estimators["centralised"]
@@ -95,37 +97,37 @@ def _figures(plan: Plan, case: Case, heard: Heard, traces: Traces) -> dict[str, 
         result["fused_minus_centralised_max_sigma"] = largest_difference_in_sigmas(traces["fused"], traces["centralised"])
     if case.fixes:
         period_ns = case.train.file.fusion.period_ms * 1_000_000
-        result |= score_withheld(heard.settled, case.fixes, case.train.line, OFFLINE_START_NS, period_ns)
+        result |= score_withheld(log.settled, case.fixes, case.train.line, OFFLINE_START_NS, period_ns)
     return result
 
 
-def _asked(case: Case, name: str, traces: Traces, world: World | None) -> dict[str, Any]:
+def _requested(case: Case, name: str, traces: Traces, world: World | None) -> dict[str, Any]:
     """The figures that the scenario asks for and this estimator has; beside `fused` stand those that are of another one."""
     out = {}
-    for asked in case.asked:
-        of = name if asked.estimator is None else asked.estimator if name == "fused" else None
-        figure = asked.of(traces[of], case.rivals.get(of, case.train), world) if of in traces else None
+    for requested in case.requested:
+        of = name if requested.estimator is None else requested.estimator if name == "fused" else None
+        figure = requested.of(traces[of], case.comparators.get(of, case.train), world) if of in traces else None
         if figure is not None:
-            out[asked.key] = figure
+            out[requested.key] = figure
     return out
 
 
-def _of_run(heard: Heard, settled: bool) -> Trace:
-    states, names = heard.settled if settled else heard.live, full_layout(heard.train).names
-    trace = trace_of_states(states, heard.truth, OFFLINE_START_NS, heard.live, heard.private, names)
-    counted = {unit: (np.array(sorted(times)) - OFFLINE_START_NS) * NS for unit, times in heard.counted.items()}
+def _of_run(log: RunLog, settled: bool) -> Trace:
+    states, names = log.settled if settled else log.live, full_layout(log.train).names
+    trace = trace_of_states(states, log.truth, OFFLINE_START_NS, log.live, log.private, names)
+    counted = {unit: (np.array(sorted(times)) - OFFLINE_START_NS) * S_PER_NS for unit, times in log.counted.items()}
     return replace(trace, counted=counted)
 
 
-def _centralised(heard: Heard, unit: str | None) -> Trace:
-    train = heard.train
+def _centralised(log: RunLog, unit: str | None) -> Trace:
+    train = log.train
     everything = full_layout(train)
     layout = everything if unit is None else everything.only([unit])
     said = prior(train)
-    begins_ns = heard.begins_ns(*everything.prior(said.mean, said.std), everything)
+    begins_ns = log.begins_ns(*everything.prior(said.mean, said.std), everything)
     with rare_collection():
         results = centralised(
-            heard.readings(unit), list(heard.truth), layout, train.file.motion_model.jerk_psd_m2ps5, said, begins_ns
+            log.centralised_readings(unit), list(log.truth), layout, train.file.motion_model.jerk_psd_m2ps5, said, begins_ns
         )
         beliefs = {at: (mean, covariance) for at, mean, covariance in results}
-        return trace_of_beliefs(beliefs, heard.truth, OFFLINE_START_NS, layout.names)
+        return trace_of_beliefs(beliefs, log.truth, OFFLINE_START_NS, layout.names)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from .claims import Row, Spread
+from .claims import JudgedClaim, SeedStatistics
 from .scores import BASIC
 
 HEADINGS = ("source", "scenario", "figure", "its claim", "its method here", "Milepost here", "optimum here", "target", "met")
@@ -33,7 +33,7 @@ def _condition(result: dict[str, Any]) -> list[str]:
     return lines + [f"{key}: {value:.9g}" for key, value in alone.items() if key not in ("seed", "duration_s", "runs")]
 
 
-def claims_table(rows: Sequence[Row]) -> str:
+def claims_table(rows: Sequence[JudgedClaim]) -> str:
     """A line for each claim, and the reason below those that are not met."""
     cells = [HEADINGS, *(row_cells(row) for row in rows)]
     widths = [max(len(row[i]) for row in cells) for i in range(len(HEADINGS))]
@@ -46,13 +46,13 @@ def claims_table(rows: Sequence[Row]) -> str:
     return "\n".join(out)
 
 
-def row_cells(row: Row) -> tuple[str, ...]:
+def row_cells(row: JudgedClaim) -> tuple[str, ...]:
     """A claim's row as text, in the order of the headings."""
-    spreads = [spread_shown(spread) for spread in (row.method, row.ours, row.optimum)]
+    spreads = [statistics_shown(spread) for spread in (row.method, row.ours, row.optimum)]
     return (row.source, row.scenario, row.label, row.says, *spreads, row.target, VERDICT[row.met])
 
 
-def spread_shown(spread: Spread | None) -> str:
+def statistics_shown(spread: SeedStatistics | None) -> str:
     """The median or what was pooled, and the worst in brackets; a dash where there is no such figure."""
     if spread is None:
         return "-"

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from milepost.estimation.layout import N_COMMON
-from milepost.estimation.timeline import NS
+from milepost.estimation.time_units import S_PER_NS
 from milepost_schemas import FusedState
 
 Array = NDArray[np.float64]
@@ -67,7 +67,7 @@ def trace_of_beliefs(
     true = np.array([truth[k] for k in epochs])
     columns = {name: i for i, name in enumerate(names) if i >= N_COMMON}
     return Trace(
-        (np.array(epochs) - start_ns) * NS,
+        (np.array(epochs) - start_ns) * S_PER_NS,
         true,
         means[:, :N_COMMON] - true,
         covariances[:, :N_COMMON, :N_COMMON],
@@ -97,7 +97,7 @@ def trace_of_states(
     return replace(
         trace,
         bounds=np.array([(s.position_min_m, s.position_max_m, s.speed_min_mps, s.speed_max_mps) for s in chosen]),
-        sent_s=np.array([(s.published_at_ns - start_ns) * NS for s in live.values()]),
+        sent_s=np.array([(s.published_at_ns - start_ns) * S_PER_NS for s in live.values()]),
         shares={unit: np.array([row.get(unit, 0.0) for row in said]) for unit in sorted({u for row in said for u in row})},
         private={name: means[i] for i, name in own},
         private_std={name: deviations[i] for i, name in own},
@@ -108,7 +108,7 @@ def _between(
     private: Mapping[int, tuple[list[float], list[float]]], t_s: Array, start_ns: int
 ) -> tuple[list[Array], list[Array]]:
     """Means and standard deviations (K) of each private state: not every state goes back, so between those that do."""
-    told_s = [(at - start_ns) * NS for at in private]
+    told_s = [(at - start_ns) * S_PER_NS for at in private]
     columns = np.array(list(private.values())).transpose(1, 2, 0) if private else np.empty((2, 0, 0))
     return [np.interp(t_s, told_s, m) for m in columns[0]], [np.interp(t_s, told_s, np.sqrt(v)) for v in columns[1]]
 

@@ -39,7 +39,7 @@ class FilterNode(Node):
             self.subscriptions.append(Subscription("feedback", newest_only=True))
         self._sensor = sensor
         self._observer = sensor.observer()
-        self._recalled: tuple[Observed, ...] = ()
+        self._restored: tuple[Observed, ...] = ()
         self._needs_belief = sensor.needs_belief
         self._filter = local
         self._estimator = local.estimator
@@ -63,19 +63,19 @@ class FilterNode(Node):
         """`latest_feedback`: what a restarted fuser continues from."""
         return self._feedback if procedure == "latest_feedback" else None
 
-    def keepsake(self) -> bytes | None:
+    def snapshot(self) -> bytes | None:
         """What this filter would begin with if everything were started again; None where there is nothing to keep."""
         belief = self._estimator.belief_at(self._latest_ns) if self._latest_ns else None
-        return None if belief is None else self._sensor.keep(Belief(*belief), self._latest_ns)
+        return None if belief is None else self._sensor.snapshot(Belief(*belief), self._latest_ns)
 
-    def recall(self, kept: bytes, now_ns: int) -> Iterable[Output]:
+    def restore(self, kept: bytes, now_ns: int) -> Iterable[Output]:
         """Begin with what was kept. Only on a cold start: what the fused state knows already must not count twice."""
         try:
-            self._recalled = (self._sensor.recall(kept, now_ns),)
+            self._restored = (self._sensor.restore(kept, now_ns),)
         except ValueError as error:
             yield self.event("warning", "calibration_unusable", f"{self.unit}: {error}; the prior stands", now_ns)
         else:
-            yield self.event("info", "calibration_recalled", f"{self.unit}: begins with the calibration it kept", now_ns)
+            yield self.event("info", "calibration_restored", f"{self.unit}: begins with the calibration it kept", now_ns)
 
     def catch_up(self, feedback: Feedback, now_ns: int) -> bool:
         """Begin with the fused state and the train file's share, instead of the train file's prior."""
@@ -109,8 +109,8 @@ class FilterNode(Node):
         """What there is to say after a reading, and why some of its observations do not count. Raises UNUSABLE."""
         belief = self._estimator.belief_at(reading.measured_at_ns) if self._needs_belief else None
         observed = self._observer.observe(reading, None if belief is None else Belief(*belief))
-        offered = of_reading(reading, self._order, (*observed, *self._recalled))
-        self._recalled = ()
+        offered = of_reading(reading, self._order, (*observed, *self._restored))
+        self._restored = ()
         counted, refused = self._filter.take(offered[: len(observed)], now_ns, known=offered[len(observed) :])
         if offered and not counted:
             return None, refused
@@ -139,7 +139,7 @@ class FilterNode(Node):
             return
         # a unit that does not count gets no feedback; but one that has never had any must begin somewhere, and one that
         # holds its readings back must know when they are right again
-        if share <= 0.0 and (self._feedback is None or self._observer.holds_back):
+        if share <= 0.0 and (self._feedback is None or self._observer.is_gating):
             share = self._estimator.share
         if share < LEAST_SHARE:
             return

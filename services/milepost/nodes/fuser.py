@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from milepost.estimation.estimator import Prior
-from milepost.estimation.fusion import RULES, Belief, Lists
+from milepost.estimation.fusion import RULES, Lists, LocalBelief
 from milepost.estimation.layout import Layout
 from milepost.estimation.shares import Shares
 from milepost.estimation.timeline import FUTURE_NS, Observation
@@ -121,7 +121,7 @@ class FuserNode(Node):
             return
         observations = of_estimate(estimate, order)
         said = estimate.belief
-        belief = Belief(estimate.measured_at_ns, said.mean, said.covariance, estimate.feedback_epoch_ns is not None)
+        belief = LocalBelief(estimate.measured_at_ns, said.mean, said.covariance, estimate.feedback_epoch_ns is not None)
         try:
             reasons = self._rule.take_estimate(estimate.unit, belief, observations, now_ns)
         except ValueError as error:

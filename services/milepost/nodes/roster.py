@@ -11,7 +11,7 @@ from milepost.estimation.timeline import Observation
 
 STALE_NS = 1_000_000_000
 # how far back a unit's accuracy is looked for; twice its period where that is longer, or a slow unit would seem to know nothing
-LATELY_NS = 1_000_000_000
+WINDOW_NS = 1_000_000_000
 # before anything was fused nobody is the more accurate
 UNKNOWN = (0.0, 0.0, 0.0)
 KEPT_TIMES = 4096
@@ -32,14 +32,14 @@ class _Unit:
     row: UnitRow
     times: list[int] = field(default_factory=list)
     # time, then h²/R of position, speed and acceleration
-    brought: list[tuple[int, float, float, float]] = field(default_factory=list)
+    recent_information: list[tuple[int, float, float, float]] = field(default_factory=list)
     arrived_ns: int = 0
     punctual: bool = True
     gone: set[str] = field(default_factory=set)
 
     @property
-    def lately_ns(self) -> int:
-        return max(LATELY_NS, 2 * (self.row.period_ns or 0))
+    def window_ns(self) -> int:
+        return max(WINDOW_NS, 2 * (self.row.period_ns or 0))
 
     def last_at(self, at_ns: int) -> int | None:
         place = bisect_right(self.times, at_ns)
@@ -74,7 +74,7 @@ class Roster:
         if self._shares.by_information:
             h0, h1, h2 = observation.row[:3]
             R = observation.variance
-            insort(known.brought, (measured_at_ns, h0 * h0 / R, h1 * h1 / R, h2 * h2 / R))
+            insort(known.recent_information, (measured_at_ns, h0 * h0 / R, h1 * h1 / R, h2 * h2 / R))
         insort(known.times, measured_at_ns)
         if len(known.times) > 2 * KEPT_TIMES:
             del known.times[:KEPT_TIMES]
@@ -161,14 +161,14 @@ class Roster:
         return self._shares.at(reporting, speed_mps, information)
 
     def _information(self, unit: str, epoch_ns: int, variances: Sequence[float]) -> float:
-        brought, lately_ns = self._units[unit].brought, self._units[unit].lately_ns
-        first = bisect_right(brought, epoch_ns - lately_ns, key=lambda b: b[0])
-        last = bisect_right(brought, epoch_ns, key=lambda b: b[0])
+        recent_information, window_ns = self._units[unit].recent_information, self._units[unit].window_ns
+        first = bisect_right(recent_information, epoch_ns - window_ns, key=lambda b: b[0])
+        last = bisect_right(recent_information, epoch_ns, key=lambda b: b[0])
         ps, pv, pa = variances[:3]
-        return sum(s * ps + v * pv + a * pa for _, s, v, a in brought[first:last]) * LATELY_NS / lately_ns
+        return sum(s * ps + v * pv + a * pa for _, s, v, a in recent_information[first:last]) * WINDOW_NS / window_ns
 
     def forget(self, before_ns: int) -> None:
         """Drop times that no epoch will ask for; the last one before stays: it tells how old a silent unit is."""
         for unit in self._units.values():
             del unit.times[: max(0, bisect_left(unit.times, before_ns) - 1)]
-            del unit.brought[: bisect_left(unit.brought, before_ns - unit.lately_ns, key=lambda b: b[0])]
+            del unit.recent_information[: bisect_left(unit.recent_information, before_ns - unit.window_ns, key=lambda b: b[0])]

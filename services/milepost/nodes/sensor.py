@@ -7,13 +7,12 @@ from typing import Any
 
 from pydantic import ValidationError
 
+from milepost.estimation.time_units import NS_PER_S
 from milepost.recordings.measured import Measured, Source
 from milepost.sensors.base import Sensor
 from milepost_schemas import BY_NAME
 
 from .base import Node, Output
-
-NS = 1_000_000_000
 
 
 class SensorNode(Node):
@@ -31,7 +30,7 @@ class SensorNode(Node):
 
     def _ready_ns(self) -> int | None:
         ready = self._source.next_s()
-        return None if ready is None else self._start_ns + round(ready * NS)
+        return None if ready is None else self._start_ns + round(ready * NS_PER_S)
 
     def next_tick_ns(self) -> int | None:
         """When the next reading is ready."""
@@ -51,7 +50,7 @@ class SensorNode(Node):
         return out
 
     def _reading(self, measured: Measured, now_ns: int) -> Iterable[Output]:
-        at = self._start_ns + round(measured.measured_s * NS)
+        at = self._start_ns + round(measured.measured_s * NS_PER_S)
         try:
             message = self._message(**self.head(self._stream, at, now_ns), **measured.fields)
         except ValidationError as error:

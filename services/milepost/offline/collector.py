@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 # messages are freed by reference count; looking at every seven hundred of them for cycles costs a tenth of the time
-RARELY = (20_000, 20, 20)
+GC_THRESHOLDS = (20_000, 20, 20)
 
 
 @contextmanager
@@ -16,7 +16,7 @@ def rare_collection() -> Iterator[None]:
     before = gc.get_threshold()
     gc.collect()
     gc.freeze()
-    gc.set_threshold(*RARELY)
+    gc.set_threshold(*GC_THRESHOLDS)
     try:
         yield
     finally:

@@ -86,7 +86,7 @@ class Reader:
         last = path.rpartition("/")[2]
         rows = [row for row in STREAMS if row.key.format(unit=last) == path]
         if not rows:
-            raise Refused("invalid", f"key: {path} is none of the stream table's")
+            raise Refused("invalid", f"key: {path} is not in the stream table")
         unit = last if "{unit}" in rows[0].key else ""
         if len(rows) == 1:
             return rows[0].name, unit

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 
-from milepost.config.roles import NS, ROLES, Setting, processes
+from milepost.config.roles import ROLES, Setting, processes
 from milepost.config.train import Train
+from milepost.estimation.time_units import NS_PER_S
 from milepost.nodes.base import Node
 from milepost.nodes.fuser import FuserNode
 from milepost_schemas import FusedState, Message
@@ -15,7 +16,7 @@ from .collector import rare_collection
 from .memory_bus import MemoryBus, Tap
 
 # scenario time 0 of every offline run: a whole second of UTC, so that runs and recordings compare
-OFFLINE_START_NS = 1_700_000_000 * NS
+OFFLINE_START_NS = 1_700_000_000 * NS_PER_S
 
 
 @dataclass
@@ -57,14 +58,14 @@ def simulate(
     setting = Setting("offline", train.world(duration_s), OFFLINE_START_NS)
     nodes = [ROLES[p.role].build(train, p.unit, setting) for p in processes(train)]
     run = OfflineRun(train, nodes, tap, settled)
-    end_ns = OFFLINE_START_NS + round(min(duration_s, setting.world.motion.end_s if setting.world else duration_s) * NS)
+    end_ns = OFFLINE_START_NS + round(min(duration_s, setting.world.motion.end_s if setting.world else duration_s) * NS_PER_S)
     done = OFFLINE_START_NS
     with rare_collection():
         while done <= end_ns:
-            done = min(done + NS, end_ns + 1)
+            done = min(done + NS_PER_S, end_ns + 1)
             run.bus.run_until(done)
             if progress is not None:
-                progress((done - OFFLINE_START_NS) / NS)
+                progress((done - OFFLINE_START_NS) / NS_PER_S)
         run.finish()
 
 

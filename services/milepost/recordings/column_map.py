@@ -90,7 +90,7 @@ def _word(values: Mapping[str, Any], text: str) -> Any:
         return values[word]
     begins = [key for key in values if key.endswith("*") and word.startswith(key[:-1])]
     if not begins:
-        raise ValueError(f"{word!r} is none of {', '.join(values)}")
+        raise ValueError(f"must be one of {', '.join(values)}, not {word!r}")
     return values[max(begins, key=len)]
 
 

@@ -19,7 +19,7 @@ class Cell:
     optional: bool = False
 
 
-class Row(NamedTuple):
+class TableRow(NamedTuple):
     """A row by its line in the file: the values, or what cannot be read in it."""
 
     line: int
@@ -27,7 +27,7 @@ class Row(NamedTuple):
     error: str | None = None
 
 
-def read_table(path: Path, cells: Mapping[str, Cell]) -> Iterator[Row]:
+def read_table(path: Path, cells: Mapping[str, Cell]) -> Iterator[TableRow]:
     """The rows of a CSV file with a header, values by the names in `cells`.
 
     A cell that cannot be read spoils its row alone. Raises ValueError naming file, line and column for a column that is
@@ -49,7 +49,7 @@ def read_table(path: Path, cells: Mapping[str, Cell]) -> Iterator[Row]:
             raise ValueError(f"{path}: line {rows.line_num + 1}: {error}") from error
 
 
-def _row(line: int, row: Mapping[str, Any], cells: Mapping[str, Cell]) -> Row:
+def _row(line: int, row: Mapping[str, Any], cells: Mapping[str, Cell]) -> TableRow:
     values: dict[str, Any] = {}
     for name, cell in cells.items():
         text = row.get(cell.column)
@@ -58,8 +58,8 @@ def _row(line: int, row: Mapping[str, Any], cells: Mapping[str, Cell]) -> Row:
                 raise ValueError("missing")
             values[name] = None if cell.optional and not text.strip() else cell.read(text)
         except ValueError as error:
-            return Row(line, {}, f"line {line}: {cell.column}: {error}")
-    return Row(line, values)
+            return TableRow(line, {}, f"line {line}: {cell.column}: {error}")
+    return TableRow(line, values)
 
 
 def utc_seconds(text: str) -> float:

@@ -76,7 +76,7 @@ def factor(unit: str, field: str) -> float:
     """What a number in `unit` is multiplied with to be the field's. Raises ValueError where the two do not fit."""
     given, wanted = UNITS.get(unit), UNITS[unit_of(field)]
     if given is None:
-        raise ValueError(f"{unit!r} is none of the units {', '.join(UNITS)}")
+        raise ValueError(f"the unit must be one of {', '.join(UNITS)}, not {unit!r}")
     if given.quantity != wanted.quantity:
         raise ValueError(f"{unit} is a unit of {given.quantity}, {field} is a {wanted.quantity}")
     return given.factor / wanted.factor

@@ -16,7 +16,7 @@ WRITE_EVERY_NS = 5 * 10**9
 LARGEST_BYTES = 65536
 
 
-class Keeper:
+class CalibrationStore:
     """Reads and writes a filter's file in a folder; a failure of the disk is logged and changes nothing else."""
 
     def __init__(self, node: FilterNode, path: Path) -> None:
@@ -25,7 +25,7 @@ class Keeper:
         self._written_ns: int | None = None
         self._failing = False
 
-    def recall(self, now_ns: int) -> Iterable[Output]:
+    def restore(self, now_ns: int) -> Iterable[Output]:
         """Let the filter begin with what was kept, if anything was; yields the event that says so."""
         try:
             with self._path.open("rb") as file:
@@ -35,7 +35,7 @@ class Keeper:
         except OSError as error:
             log.warning("%s: %s", self._path, error.strerror)
             return
-        for output in self._node.recall(kept, now_ns):
+        for output in self._node.restore(kept, now_ns):
             log.info("%s", getattr(output.message, "text", ""))
             yield output
 
@@ -47,7 +47,7 @@ class Keeper:
 
     def write(self) -> None:
         """Write now: a whole file or none, whenever the process or the machine ends."""
-        kept = self._node.keepsake()
+        kept = self._node.snapshot()
         if kept is None:
             return
         temporary = self._path.with_name(f".{self._path.name}.{os.getpid()}")
@@ -68,8 +68,8 @@ class Keeper:
             self._failing = False
 
 
-def keeper_for(node: object, train: str, folder: Path | None) -> Keeper | None:
-    """The keeper of a filter's node; without a folder nothing is kept."""
+def calibration_store_for(node: object, train: str, folder: Path | None) -> CalibrationStore | None:
+    """The store of a filter's node; without a folder nothing is kept."""
     if folder is None or not isinstance(node, FilterNode):
         return None
-    return Keeper(node, folder / f"{train}.{node.unit}.json")
+    return CalibrationStore(node, folder / f"{train}.{node.unit}.json")

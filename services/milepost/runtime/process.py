@@ -13,9 +13,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from milepost.config.roles import NS, ROLES, Setting, process_name, processes
+from milepost.config.roles import ROLES, Setting, process_name, processes
 from milepost.config.train import Train
 from milepost.config.yaml_files import ConfigError
+from milepost.estimation.time_units import NS_PER_S
 from milepost.nodes.base import Node
 from milepost.nodes.fuser import FuserNode
 from milepost.offline.collector import rare_collection
@@ -23,7 +24,7 @@ from milepost_schemas import Feedback, SimulationStart
 
 from . import scenario_time, zenoh_config
 from .bus import Inbox, Stop, ZenohBus, open_session
-from .calibration_store import keeper_for
+from .calibration_store import calibration_store_for
 from .clock import Clock
 from .runner import Runner
 
@@ -33,7 +34,7 @@ LATE_S = 3.0
 # how long a starting process waits for those that may remember the fused state
 ASK_S = 0.5
 # listeners outlive the end of a simulation by this, to hear its last messages
-GRACE_NS = NS // 5
+GRACE_NS = NS_PER_S // 5
 
 
 @dataclass(frozen=True)
@@ -68,7 +69,7 @@ def run_process(train: Train, role_name: str, unit: str, options: ProcessOptions
     world = train.world(options.duration_s) if role.uses_world and train.file.world else None
     # built once before anything is declared, so that a mistake in the configuration shows before anything starts
     # without a world scenario time is UTC, and begins now
-    from_s = 0.0 if train.file.world else Clock().now_ns() / NS
+    from_s = 0.0 if train.file.world else Clock().now_ns() / NS_PER_S
     node = role.build(train, unit, Setting(instance, world, from_s=from_s))
     # opening waits for a router inside Zenoh, where Python cannot see a signal
     signal.signal(signal.SIGINT, signal.SIG_DFL)
@@ -91,20 +92,20 @@ def run_process(train: Train, role_name: str, unit: str, options: ProcessOptions
                 return
         clock = Clock(start)
         if role.uses_world and start is not None:
-            late_s = (clock.now_ns() - start.start_ns) / NS
+            late_s = (clock.now_ns() - start.start_ns) / NS_PER_S
             # a process that is a little late still begins at the beginning: the prior belongs to the first reading
             from_s = late_s if late_s > LATE_S else 0.0
             node = role.build(train, unit, Setting(instance, world, start.start_ns, from_s))
         # without feedback nobody could tell a restarted filter that the fused state holds already what it kept
-        keeper = keeper_for(node, train.name, options.state_dir if train.file.fusion.feedback else None)
-        if not (node.remembers and _catch_up(bus, node, clock)) and keeper is not None:
-            for output in keeper.recall(clock.now_ns()):
+        store = calibration_store_for(node, train.name, options.state_dir if train.file.fusion.feedback else None)
+        if not (node.remembers and _catch_up(bus, node, clock)) and store is not None:
+            for output in store.restore(clock.now_ns()):
                 bus.publish(*output)
         end_ns = start.end_ns + GRACE_NS if start is not None else None
         with rare_collection():
-            Runner(name, node, bus, clock, end_ns, options.parent, keeper.once_a_second if keeper else None).run()
-        if keeper is not None:
-            keeper.write()
+            Runner(name, node, bus, clock, end_ns, options.parent, store.once_a_second if store else None).run()
+        if store is not None:
+            store.write()
         del kept
 
 
@@ -126,7 +127,7 @@ def _catch_up(bus: ZenohBus, node: Node, clock: Clock) -> bool:
     latest = max(answers, key=lambda a: a.measured_at_ns)
     now_ns = clock.now_ns()
     if node.catch_up(latest, now_ns):
-        log.info("continuing from the state of %.2f s ago", (now_ns - latest.measured_at_ns) / NS)
+        log.info("continuing from the state of %.2f s ago", (now_ns - latest.measured_at_ns) / NS_PER_S)
     # an answer that could not be taken still says that the fused state lives: what is in it must not be told again
     return True
 

@@ -23,7 +23,7 @@ log = logging.getLogger("milepost")
 class Runner:
     """The loop of a process. `name` is the process's; `parent` ends it when that process is no longer its parent.
 
-    `chore` is done once a second, after health.
+    `every_second` is done once a second, after health.
     """
 
     def __init__(
@@ -34,7 +34,7 @@ class Runner:
         clock: Clock,
         end_ns: int | None = None,
         parent: int | None = None,
-        chore: Callable[[int], None] | None = None,
+        every_second: Callable[[int], None] | None = None,
     ) -> None:
         self._name = name
         self._node = node
@@ -42,7 +42,7 @@ class Runner:
         self._clock = clock
         self._end_ns = end_ns
         self._parent = parent
-        self._chore = chore
+        self._every_second = every_second
         self._meter = Meter(clock.now_ns())
         self._health_ns = clock.now_ns() + HEALTH_NS
         self._health_sequence = 0
@@ -131,8 +131,8 @@ class Runner:
         )
         self._health_sequence += 1
         self._bus.publish("health", self._name, health)
-        if self._chore is not None:
-            self._chore(now_ns)
+        if self._every_second is not None:
+            self._every_second(now_ns)
         if self._parent is not None and os.getppid() != self._parent:
             log.warning("the process that started this one is gone: ending")
             return False

@@ -83,7 +83,7 @@ class Observer(Protocol):
         """The filter begins again on a train that runs: what was remembered of the readings is lost."""
 
     @property
-    def holds_back(self) -> bool:
+    def is_gating(self) -> bool:
         """Whether it lets no reading count for the time being, against the fused state that it must go on hearing."""
 
 
@@ -125,11 +125,11 @@ class Sensor(ABC, Generic[O]):
         """Who observes in a filter's process: the sensor itself, where it need not remember anything."""
         return self
 
-    def keep(self, belief: Belief, at_ns: int) -> bytes | None:  # noqa: ARG002
+    def snapshot(self, belief: Belief, at_ns: int) -> bytes | None:  # noqa: ARG002
         """What is worth keeping of a belief from one run to the next; None where nothing is."""
         return None
 
-    def recall(self, kept: bytes, now_ns: int) -> Observed:  # noqa: ARG002
+    def restore(self, kept: bytes, now_ns: int) -> Observed:  # noqa: ARG002
         """What was kept, as an observation beside the prior. Raises ValueError saying why it cannot be used."""
         raise ValueError("this kind of sensor keeps nothing")
 
@@ -141,7 +141,7 @@ class Sensor(ABC, Generic[O]):
         """Nothing is lost, for the same reason."""
 
     @property
-    def holds_back(self) -> bool:
+    def is_gating(self) -> bool:
         """Never, for the same reason."""
         return False
 

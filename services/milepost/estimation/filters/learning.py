@@ -8,9 +8,11 @@ from typing import Generic, NamedTuple, TypeVar
 
 import numpy as np
 
+from milepost.estimation.time_units import S_PER_NS
+
 from ..gaussian import replace_common
 from ..layout import N_COMMON
-from ..timeline import NS, Observation
+from ..timeline import Observation
 from .base import FilterSetup, LocalFilter, O
 
 S = TypeVar("S")
@@ -59,7 +61,7 @@ class LearningFilter(LocalFilter[O], Generic[O, S]):
             return self.judge(last[1], observation)
         learner = self.learner(observation) if last is None else last[1]
         self._learners[observation.component] = (at, learner)
-        return self.learn(learner, observation, 0.0 if last is None else (at - last[0]) * NS)
+        return self.learn(learner, observation, 0.0 if last is None else (at - last[0]) * S_PER_NS)
 
     def expected(self, observation: Observation) -> Expected:
         """h x̂ and c, the variance of h (x - x̂), at an observation's time.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ..pu_rls import ErrorModel, SwarmTunedSmoother, Tuning
+from ..pu_rls import ForgettingModel, SwarmTunedSmoother, Tuning
 from ..timeline import Observation
 from .options import at_most, fraction, positive
 from .prefilter import PreFilter, Smoother
@@ -47,6 +47,6 @@ class PuRlsFilter(PreFilter[PuRlsOptions]):
         return SwarmTunedSmoother(
             observation.variance,
             o.memory,
-            ErrorModel(o.degrees, o.longest),
+            ForgettingModel(o.degrees, o.longest),
             Tuning(o.particles, o.generations, o.window, o.every, o.seed),
         )

@@ -87,7 +87,7 @@ class GnssOptions(SensorOptions):
         known = get_args(Solution)
         for solution in self.position_std_m:
             if solution not in known:
-                raise ValueError(f"position_std_m: {solution} is none of {', '.join(known)}")
+                raise ValueError(f"position_std_m: must be one of {', '.join(known)}, not {solution}")
         for solution in wanted:
             if solution not in self.position_std_m:
                 raise ValueError(f"position_std_m: {solution} is missing")
@@ -164,7 +164,7 @@ class GnssObserver:
         self._monitor.doubt()
 
     @property
-    def holds_back(self) -> bool:
+    def is_gating(self) -> bool:
         """Never: what it takes of a fix does not go by the fused state."""
         return False
 

@@ -14,7 +14,7 @@ from milepost.simulation.noise import MarkovNoise, WhiteNoise
 from milepost_schemas import InertialReading
 
 from ..base import Belief, Observed, Observer, PeriodicSource, Sensor, SensorOptions, World
-from .learned_error import ErrorModel
+from .learned_error import InertialErrorModel
 from .learning import LearningUnit, LearnOptions
 
 GRAVITY_MPS2 = 9.80665
@@ -99,7 +99,9 @@ class Imu(Sensor[ImuOptions]):
         if o.learn is None:
             return self
         walk_std = o.bias_std_mps2 * math.sqrt(2.0 / o.bias_time_constant_s)
-        model = ErrorModel(o.bias_std_mps2, walk_std, o.noise_density_mps2_rthz, o.learn.window_s, o.learn.memory_s or 0.0)
+        model = InertialErrorModel(
+            o.bias_std_mps2, walk_std, o.noise_density_mps2_rthz, o.learn.window_s, o.learn.memory_s or 0.0
+        )
         return LearningUnit(self.observe, o.learn, model)
 
     def _gravity(self, position_m: float) -> float:

@@ -15,7 +15,7 @@ LONGEST_MEMORY_S = 3600.0
 
 
 @dataclass(frozen=True)
-class ErrorModel:
+class InertialErrorModel:
     """What the data sheet says, and how to learn.
 
     `bias_std` δ in m/s², `walk_std` σ in m/s²/√s, `noise_density` N in m/s²/√Hz; `window_s` T over which a sample is taken,
@@ -66,7 +66,7 @@ class LearnedError:
     That σ's part grows as a random walk does is a reconstruction.
     """
 
-    def __init__(self, model: ErrorModel) -> None:
+    def __init__(self, model: InertialErrorModel) -> None:
         self.model = model
         self.information = np.eye(3)
         self._eta = np.zeros(3)
@@ -134,7 +134,9 @@ class LearnedError:
         return self._fitted[0], self._fitted[1] + wander
 
 
-def worth(error_variance: float, position_variance: float, speed_variance: float, dt_s: float, longest_s: float) -> float:
+def equivalent_white_variance(
+    error_variance: float, position_variance: float, speed_variance: float, dt_s: float, longest_s: float
+) -> float:
     """The white variance of readings `dt_s` apart that spoils a position as a constant error of variance c does.
 
     After T, c makes c T⁴/4 of position variance; white R(t) = 3 c t/Δ makes ∫ (T - t)² 3 c t dt = c T⁴/4, and 1.5 times c T² of

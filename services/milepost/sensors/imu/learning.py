@@ -12,7 +12,7 @@ from milepost.estimation.notice import Notice
 from milepost.recordings.options import STRICT
 
 from ..base import Belief, Observed
-from .learned_error import ErrorModel, LearnedError, worth
+from .learned_error import InertialErrorModel, LearnedError, equivalent_white_variance
 
 Observe = Callable[[Any, Belief | None], Sequence[Observed]]
 Positive = Annotated[float, Field(gt=0.0)]
@@ -23,7 +23,7 @@ class LearnOptions(BaseModel):
     """When the fused state is good enough to learn from, and how.
 
     `trusted_position_std_m`, `trusted_speed_std_mps`: beyond either it is an outage. `window_s` of a sample; `memory_s` of the
-    forgetting, null: as long as the bias allows (see `ErrorModel`). `longest_outage_s`: up to which an outage's growing
+    forgetting, null: as long as the bias allows (see `InertialErrorModel`). `longest_outage_s`: up to which an outage's growing
     error is stated.
     """
 
@@ -37,12 +37,12 @@ class LearnOptions(BaseModel):
 
 
 class LearningUnit:
-    """Takes the learned error ε̂ off each reading: z - ε̂, and states what ε̂ is worth: R + `worth`(Var ε̂).
+    """Subtracts the learned error ε̂ from each reading, z - ε̂, and adds the equivalent white variance of Var ε̂ to R.
 
-    It stands in for a bias in the state. Pure: its only time is that of the readings. Source: C 2.1 (13).
+    It stands in for a bias in the state. Its only time is that of the readings. Source: C 2.1 (13).
     """
 
-    def __init__(self, observe: Observe, options: LearnOptions, model: ErrorModel) -> None:
+    def __init__(self, observe: Observe, options: LearnOptions, model: InertialErrorModel) -> None:
         self._observe, self._options = observe, options
         self._learned = LearnedError(model)
         self._origin_ns: int | None = None
@@ -53,7 +53,7 @@ class LearningUnit:
         """It learns anew: until then a reading is worth what the data sheet says."""
 
     @property
-    def holds_back(self) -> bool:
+    def is_gating(self) -> bool:
         """No: every reading counts."""
         return False
 
@@ -78,7 +78,7 @@ class LearningUnit:
         else:
             self._learned.pause()
         error, variance = self._learned.correction(t_s)
-        R += worth(variance, P_ss, P_vv, dt_s, self._options.longest_outage_s)
+        R += equivalent_white_variance(variance, P_ss, P_vv, dt_s, self._options.longest_outage_s)
         return (Observed(row, z - error, R),)
 
     def _trust(self, position_variance: float, speed_variance: float, t_s: float) -> bool:

@@ -10,7 +10,7 @@ from milepost.simulation.motion import Motion
 from .crossings import Crossings, Unseen
 
 # an antenna that saw so many pulses fewer than the other is over a joint: one is missed, one more may be on its way
-BLIND = 3
+PULSES_BEHIND = 3
 
 
 class Pulses(NamedTuple):
@@ -73,7 +73,7 @@ class Pair:
         blind = []
         for i in (0, 1):
             self._of_other[i] += counts[1 - i]
-            blind.append(self._of_other[i] - counts[i] >= BLIND)
+            blind.append(self._of_other[i] - counts[i] >= PULSES_BEHIND)
             if counts[i]:
                 self._of_other[i] = 0
         if blind[0]:

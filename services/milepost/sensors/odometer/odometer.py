@@ -82,12 +82,12 @@ class Odometer(Sensor[OdometerOptions]):
         bound = reading.speed_max_mps * (1.0 if belief is None else 1.0 + float(belief.mean[SCALE]))
         return (Observed((0.0, 1.0, 0.0, 0.0), 0.0, bound * bound / 3.0),)
 
-    def keep(self, belief: Belief, at_ns: int) -> bytes | None:
+    def snapshot(self, belief: Belief, at_ns: int) -> bytes | None:
         """The scale that was learned."""
         std = math.sqrt(max(float(belief.covariance[SCALE, SCALE]), 0.0))
         return to_bytes(Calibration(self.unit, self.options.diameter_m, float(belief.mean[SCALE]), std, at_ns))
 
-    def recall(self, kept: bytes, now_ns: int) -> Observed:
+    def restore(self, kept: bytes, now_ns: int) -> Observed:
         """The scale that was learned in an earlier run: h = [0, 0, 0, 1]."""
         options = self.options
         value, variance = as_knowledge(from_bytes(kept), self.unit, options.diameter_m, options.scale_std, now_ns)

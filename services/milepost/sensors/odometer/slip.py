@@ -70,7 +70,7 @@ class WheelWatch:
         """A wheel that slips shows so in its first reading, against the fused state."""
 
     @property
-    def holds_back(self) -> bool:
+    def is_gating(self) -> bool:
         """Whether the wheel slips, or is suspected to."""
         return self._off_since_s is not None
 

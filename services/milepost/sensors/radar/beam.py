@@ -59,14 +59,14 @@ class RadarOptions(ScaleOptions):
 
     @property
     def leak_variance(self) -> tuple[float, float]:
-        """What the body's motion is worth in one beam alone, as the factors of v² and of 1 in R.
+        """What the body's motion adds to R of one beam alone, as the factors of v² and of 1.
 
         Δv = v δ tan θ - w tan θ. Its error is coloured, so R states R_eff = R (1 + 2Σρ) = R coth(Δ/2τ) for readings Δ apart.
         """
         tan = math.tan(self.angle_rad)
-        worth = 1.0 / math.tanh(0.5 / (self.rate_hz * self.body_time_constant_s))
+        inflation = 1.0 / math.tanh(0.5 / (self.rate_hz * self.body_time_constant_s))
         pitch, vertical = math.radians(self.body_pitch_std_deg) * tan, self.vertical_speed_std_mps * tan
-        return pitch * pitch * worth, vertical * vertical * worth
+        return pitch * pitch * inflation, vertical * vertical * inflation
 
 
 def beam_speed(v: float, w: float, pitch_rad: float, angle_rad: float, forward: bool) -> float:
