@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 RTK = ("rtk_fixed", "rtk_float")
 # a step of time longer than this is a gap: neither speed nor acceleration is read off it
@@ -81,6 +81,15 @@ class FixMonitor:
         self._last: SeenFix | None = None
         self._last_speed: tuple[float, float] | None = None
         self.suspect = False
+
+    @property
+    def memory(self) -> tuple[Any, ...]:
+        """All that it remembers."""
+        return self._heard_s, self._debt_s, self._proof_since_s, self._last, self._last_speed, self.suspect
+
+    @memory.setter
+    def memory(self, memory: tuple[Any, ...]) -> None:
+        self._heard_s, self._debt_s, self._proof_since_s, self._last, self._last_speed, self.suspect = memory
 
     def judge(self, fix: SeenFix) -> Verdict:
         """The verdict on the next fix."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Annotated, get_args
+from typing import Annotated, Any, get_args
 
 from pydantic import BeforeValidator, Field, model_validator
 
@@ -153,6 +153,7 @@ class GnssObserver:
         limits = FixLimits(cross_track_m=options.cross_track_limit_m, **options.monitor.model_dump())
         self._monitor = FixMonitor(limits, options.position_std_m)
         self._notices: list[Notice] = []
+        self._refused: str | None = None
 
     def notices(self) -> list[Notice]:
         """When the receiver lost its credit and when it earned it back."""
@@ -164,9 +165,23 @@ class GnssObserver:
         self._monitor.doubt()
 
     @property
-    def is_gating(self) -> bool:
-        """Never: what it takes of a fix does not go by the fused state."""
-        return False
+    def memory(self) -> Any:
+        """What the monitor remembers."""
+        return self._monitor.memory
+
+    @memory.setter
+    def memory(self, memory: Any) -> None:
+        self._monitor.memory = memory
+
+    @property
+    def gating(self) -> str | None:
+        """Nothing: what it takes of a fix does not go by the fused state."""
+        return None
+
+    @property
+    def refused(self) -> str | None:
+        """The monitor's reason."""
+        return self._refused
 
     def observe(self, reading: PositionReading, belief: Belief | None) -> Sequence[Observed]:  # noqa: ARG002
         """The projected fix and the speed along the track, where they count."""
@@ -192,6 +207,7 @@ class GnssObserver:
         suspect = self._monitor.suspect
         refused, factor = self._monitor.judge(fix)
         self._tell(suspect, refused)
+        self._refused = refused
         if refused is not None:
             return ()
         if not (options.trust_stated_std and reading.horizontal_std_m is not None):
