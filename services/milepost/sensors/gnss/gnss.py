@@ -183,7 +183,7 @@ class GnssObserver:
             reading.measured_at_ns * 1e-9,
             solution,
             seen.position_m,
-            seen.cross_track_m,
+            abs(seen.cross_track_m),
             math.hypot(std, offset_std),
             reading.satellites,
             None if speed is None else speed.value,
