@@ -1,4 +1,4 @@
-"""Which fixes count: credit that has to be earned, motions that no train can make, fixes beside the track."""
+"""Which fixes count: proof after coasting, motions that no train can make, receivers that freeze, fixes beside the track."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def test_sound_fixes_count_from_the_first() -> None:
     assert set(judged(*run(0.0, 10.0))) == {None}
 
 
-def test_short_coasting_costs_nothing_and_long_coasting_the_credit() -> None:
+def test_short_coasting_costs_nothing_and_long_coasting_the_trust() -> None:
     short = judged(*run(0.0, 5.0), *run(5.0, 9.5, "propagated"), *run(9.5, 12.0))
     assert short == [None] * 10 + ["solution"] * 9 + [None] * 5
     long = judged(*run(0.0, 5.0), *run(5.0, 11.0, "propagated"), *run(11.0, 20.0))
@@ -54,7 +54,7 @@ def test_short_coasting_adds_up_unless_rtk_makes_up_for_it() -> None:
     assert judged(*unpaid).count(None) == 8
 
 
-def test_a_fix_that_comes_late_or_twice_does_not_slip_past_the_doubt() -> None:
+def test_a_fix_that_comes_late_or_twice_proves_nothing() -> None:
     coasted = run(0.0, 6.0, "propagated")
     proving = run(6.0, 9.0)
     assert judged(*coasted, *proving, proving[-1], proving[2])[-2:] == ["unproven", "unproven"]
@@ -73,7 +73,7 @@ def test_silence_is_not_coasting_but_interrupts_a_proof() -> None:
     assert proof == ["solution"] * 12 + ["unproven"] * 20 + [None] * 2
 
 
-def test_a_jump_that_no_train_can_make_costs_the_credit_until_proved_again() -> None:
+def test_an_impossible_jump_costs_the_trust_until_proved_again() -> None:
     told = judged(*run(0.0, 5.0), *run(5.0, 15.0, off_m=50.0))
     assert told[:10] == [None] * 10
     # 50 m in half a second; the speeds on both sides of it differ too
@@ -97,9 +97,7 @@ def test_stand_alone_fixes_are_not_asked_to_prove_anything() -> None:
 @pytest.mark.parametrize(
     ("satellites", "refused", "factor"), [(3, "satellites", 1.0), (4, None, 2.0), (10, None, 2.0), (11, None, 1.0)]
 )
-def test_the_satellites_decide_on_a_stand_alone_fix_as_in_the_source(
-    satellites: int, refused: str | None, factor: float
-) -> None:
+def test_satellites_decide_on_stand_alone_fixes_as_in_source_c(satellites: int, refused: str | None, factor: float) -> None:
     (one,) = run(0.0, 0.5, "single", satellites=satellites)
     assert FixMonitor(FixLimits(), KNOWN).judge(one) == (refused, factor)
     (rtk,) = run(0.0, 0.5, satellites=satellites)
@@ -119,9 +117,7 @@ def test_the_satellites_decide_on_a_stand_alone_fix_as_in_the_source(
         (math.inf, 0.1, "off_track"),
     ],
 )
-def test_the_distance_from_the_track_is_judged_by_the_limit_or_the_standard_deviation(
-    cross: float, std: float, refused: str | None
-) -> None:
+def test_distance_from_the_track_has_a_limit_or_standard_deviations(cross: float, std: float, refused: str | None) -> None:
     assert judged(SeenFix(0.0, "rtk_fixed", 0.0, cross, std)) == [refused]
 
 
@@ -198,19 +194,19 @@ def test_fixes_elsewhere_count_once_they_have_lasted(solution: str) -> None:
     assert told[52:] == [None] * 28
 
 
-def test_a_first_fix_that_is_wrong_does_not_hold_off_the_others() -> None:
+def test_a_wrong_first_fix_does_not_hold_off_the_others() -> None:
     first, *others = run(0.0, 10.0, "single")
     told = judged(first._replace(position_m=300.0), *others)
     assert told.count("jump") <= 3
     assert told[-14:] == [None] * 14
 
 
-def test_rtk_is_not_doubted_on_the_word_of_a_poorer_solution() -> None:
+def test_rtk_is_not_doubted_on_a_poorer_solutions_word() -> None:
     told = judged(*run(0.0, 5.0), *run(5.0, 10.0, "single", off_m=60.0), *run(10.0, 15.0))
     assert told[:10] == told[20:] == [None] * 10
 
 
-def test_a_receivers_own_speed_that_its_fixes_deny_is_no_trains() -> None:
+def test_fixes_that_deny_the_receivers_own_speed_are_refused() -> None:
     """Fixes at 15 m/s, own speed 20: 2 m off in a step. Allowed: 5 × 0.1 √2 + 5 × 0.25 × 0.4 + 3 × 0.4²/4 = 1.3 m."""
     fixes = [SeenFix(0.4 * k, "rtk_fixed", 15.0 * 0.4 * k, 1.0, 0.1, None, 20.0) for k in range(10)]
     assert judged(*fixes)[:2] == [None, "jump"]
@@ -234,7 +230,7 @@ def stopped(solution: str, speed: float, dither_m: float = 0.0, frozen: int = 15
 
 
 @pytest.mark.parametrize("solution", ["rtk_fixed", "differential", "single"])
-def test_a_receiver_frozen_at_20_metres_a_second_is_refused_at_once(solution: str) -> None:
+def test_a_receiver_frozen_at_speed_is_refused_at_once(solution: str) -> None:
     assert judged(*stopped(solution, 20.0)) == [None] * 26 + ["frozen"] * 150
 
 
@@ -280,7 +276,7 @@ def test_a_train_that_brakes_to_a_stop_is_not_frozen(solution: str, hold_mps: fl
 
 
 @pytest.mark.parametrize(("aside_m", "refused"), [(4.9, None), (-4.9, None), (5.1, "off_track_mean"), (-8.0, "off_track_mean")])
-def test_rtk_that_stays_beside_the_track_is_refused_from_the_third(aside_m: float, refused: str | None) -> None:
+def test_rtk_beside_the_track_is_refused_from_the_third(aside_m: float, refused: str | None) -> None:
     assert judged(*run(0.0, 20.0, cross_m=aside_m)) == [None] * 2 + [refused] * 38
 
 

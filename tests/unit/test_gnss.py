@@ -1,4 +1,4 @@
-"""A receiver errs on the plane as its file says, and only the fixes that deserve it count."""
+"""A receiver errs as its train file says; its sound fixes count, on the part of the line that they belong to."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ def test_a_place_is_moved_by_metres_east_and_north(east: float, north: float) ->
 
 
 @pytest.mark.parametrize(("solution", "std"), [("rtk_fixed", 0.02), ("differential", 0.5), ("single", 3.0)])
-def test_the_white_part_has_its_solutions_variance_on_each_axis_and_no_memory(solution: str, std: float) -> None:
+def test_the_white_part_has_its_solutions_variance_and_no_memory(solution: str, std: float) -> None:
     on = world(400.0)
     told = said(on, rate_hz=10.0, position_std_m={solution: std}, simulated={"solution": solution})
     assert {m.fields["solution"] for m in told} == {solution}
@@ -93,7 +93,7 @@ def test_the_white_part_has_its_solutions_variance_on_each_axis_and_no_memory(so
         assert np.abs(np.mean(e[lag:] * e[:-lag], axis=0)).max() < 4.0 / math.sqrt(n)
 
 
-def test_the_slow_part_has_its_variance_and_forgets_with_its_time_constant() -> None:
+def test_the_slow_part_has_its_variance_and_time_constant() -> None:
     """Of a Markov process of τ = 4 s, 2000 s hold T/2τ = 250 independent values on each axis: 500 in all."""
     on = world(2000.0)
     told = said(on, rate_hz=1.0, position_std_m={"rtk_fixed": 1e-6}, offset_std_m={"rtk_fixed": 2.0}, offset_time_s=4.0)
@@ -106,7 +106,7 @@ def test_the_slow_part_has_its_variance_and_forgets_with_its_time_constant() -> 
     assert abs(np.mean(e[40:] * e[:-40])) < 4.0 / math.sqrt(independent)
 
 
-def test_multipath_comes_as_often_and_as_large_as_told_and_the_truth_may_be_stated() -> None:
+def test_multipath_comes_as_often_and_as_large_as_told() -> None:
     on = world(800.0)
     tails = {"outliers": {"probability": 0.05, "factor": 10.0}, "states": "truth"}
     told = said(on, rate_hz=10.0, position_std_m={"rtk_fixed": 1.0}, simulated=tails)
@@ -120,7 +120,7 @@ def test_multipath_comes_as_often_and_as_large_as_told_and_the_truth_may_be_stat
         assert np.mean(some**2) == pytest.approx(1.0, abs=4.0 * math.sqrt(2.0 / some.size))
 
 
-def test_a_wandering_standard_deviation_is_uniform_in_its_logarithm_and_the_fixes_err_by_it() -> None:
+def test_a_wandering_standard_deviation_is_uniform_in_its_logarithm() -> None:
     """E σ² = (10² - 1²)/(2 ln 10) = 21.5 with a spread of 25 over T/2τ = 500 independent values."""
     on = world(2000.0)
     wandering = {"wandering": {"least_m": 1.0, "most_m": 10.0, "time_constant_s": 2.0}, "states": "truth"}
@@ -137,14 +137,14 @@ def test_a_wandering_standard_deviation_is_uniform_in_its_logarithm_and_the_fixe
     assert 0.6 < np.mean(x[1:] * x[:-1]) / np.mean(x * x) < 0.9
 
 
-def test_a_receiver_may_state_nothing_or_its_datasheets_figure_whatever_is_true() -> None:
+def test_a_receiver_may_state_nothing_or_its_datasheets_figure() -> None:
     for states, expected in (("nothing", {None}), ("datasheet", {1.0})):
         simulated = {"wandering": {"least_m": 1.0, "most_m": 10.0, "time_constant_s": 20.0}, "states": states}
         told = said(world(50.0), position_std_m={"rtk_fixed": 1.0}, simulated=simulated)
         assert {m.fields.get("horizontal_std_m") for m in told} == expected
 
 
-def test_there_is_no_fix_in_a_tunnel_and_a_poorer_one_for_a_while_after() -> None:
+def test_no_fix_in_a_tunnel_and_poorer_ones_after() -> None:
     """At 10 m/s from 100 m the tunnel from 500 to 800 m is passed between 40 and 70 s."""
     on = world(120.0, on=line((500.0, 800.0)))
     both = {"rtk_fixed": 0.02, "single": 2.0}
@@ -156,7 +156,7 @@ def test_there_is_no_fix_in_a_tunnel_and_a_poorer_one_for_a_while_after() -> Non
     assert max(error for error, m in zip(e, told, strict=True) if m.fields["solution"] == "rtk_fixed") < 0.1
 
 
-def test_a_train_that_goes_back_leaves_a_tunnel_at_its_other_end() -> None:
+def test_a_train_going_back_leaves_tunnels_at_their_other_end() -> None:
     on = world(60.0, on=line((500.0, 800.0)), speed=-10.0, start_m=1000.0)
     told = said(on, rate_hz=1.0, position_std_m={"rtk_fixed": 0.02, "single": 2.0}, simulated={"recovery_s": 5.0})
     # at 50 s it stands at 500 m, in [500, 800); one second later it is out
@@ -228,7 +228,7 @@ def fix(s: float = 1000.0, t_s: float = 0.0, aside_m: float = 0.0, **fields: Any
     return PositionReading(**head("gnss", measured_at_ns=T0 + round(t_s * 1e9)), **given)
 
 
-def test_an_offset_is_a_private_state_in_units_of_its_solutions_figure() -> None:
+def test_an_offset_is_a_private_state_in_its_solutions_units() -> None:
     receiver = gnss(position_std_m={"rtk_fixed": 0.1, "single": 2.0}, offset_std_m={"single": 3.0}, offset_time_s=50.0)
     (state,) = receiver.private_states
     assert (state.name, state.prior_mean, state.prior_std, state.time_constant_s) == ("offset", 0.0, 1.0, 50.0)
@@ -251,7 +251,7 @@ def test_the_stated_standard_deviation_counts_only_where_it_is_trusted() -> None
 
 
 @pytest.mark.parametrize(("turned", "expected"), [(0.0, 20.0), (5.0, 19.924), (180.0, -20.0), (-175.0, -19.924)])
-def test_speed_over_ground_is_taken_along_the_track_with_its_sign(turned: float, expected: float) -> None:
+def test_speed_over_ground_counts_along_the_track_with_its_sign(turned: float, expected: float) -> None:
     receiver = gnss(speed_std_mps=0.1)
     course = (NORTH_EAST.heading_deg(1000.0) + turned) % 360.0
     _, (row, value, r) = receiver.observe(fix(speed_mps=20.0, course_deg=course), None)
@@ -262,7 +262,7 @@ def test_speed_over_ground_is_taken_along_the_track_with_its_sign(turned: float,
     assert speed.variance == pytest.approx(0.09)
 
 
-def test_a_speed_without_a_course_has_no_sign_and_counts_only_near_standstill() -> None:
+def test_a_speed_without_a_course_counts_only_near_standstill() -> None:
     receiver = gnss(speed_std_mps=0.1)
     assert len(receiver.observe(fix(speed_mps=5.0), None)) == 1
     _, (row, value, r) = receiver.observe(fix(speed_mps=0.2), None)
@@ -275,7 +275,7 @@ def test_without_a_figure_for_it_the_speed_is_not_used() -> None:
 
 
 @pytest.mark.parametrize("speed", [20.0, -20.0, 0.05])
-def test_the_simulated_speed_comes_back_along_the_track_unbiased_and_with_its_variance(speed: float) -> None:
+def test_the_simulated_speed_comes_back_unbiased_with_its_variance(speed: float) -> None:
     on = world(400.0, speed=speed, start_m=20_000.0)
     receiver = gnss(on.line, speed_std_mps=0.2)
     seen = [receiver.observe(reading(m), None)[1].value for m in said(on, speed_std_mps=0.2)]
@@ -328,7 +328,7 @@ def test_an_observer_tells_once_that_trust_is_lost_and_regained() -> None:
     assert counts == [1] * 10 + [0] * 26 + [1] * 24
 
 
-def test_after_a_restart_rtk_has_to_prove_itself_stand_alone_fixes_not() -> None:
+def test_after_a_restart_rtk_alone_has_to_prove_itself() -> None:
     again = gnss(position_std_m={"rtk_fixed": 0.1, "single": 3.0}, source="recording").observer()
     again.restarted()
     counts = [len(again.observe(fix(s=1000.0 + 10.0 * k, t_s=0.5 * k), None)) for k in range(16)]
@@ -337,7 +337,7 @@ def test_after_a_restart_rtk_has_to_prove_itself_stand_alone_fixes_not() -> None
     assert len(again.observe(fix(s=1200.0, t_s=10.0, solution="single"), None)) == 1
 
 
-def test_poor_sky_widens_the_figure_of_a_stand_alone_fix_but_not_a_stated_one() -> None:
+def test_poor_sky_widens_a_datasheets_figure_not_a_stated_one() -> None:
     figures = {"position_std_m": {"single": 3.0}, "source": "recording"}
     poor = fix(solution="single", satellites=6, horizontal_std_m=4.0)
     assert gnss(**figures).observe(poor, None)[0].variance == pytest.approx(36.0)
@@ -378,7 +378,7 @@ def test_an_observers_memory_is_all_that_it_goes_by() -> None:
 # where the line ends, and where it comes near itself ----------------------------------------------------------------------
 
 
-def test_a_train_before_the_lines_origin_is_not_observed_at_it() -> None:
+def test_a_train_before_the_origin_is_not_observed_there() -> None:
     """30 m before it an RTK fix is outside; within its noise of the end it counts as what it is, below zero."""
     assert gnss().observe(fix(-30.0), None) == ()
     assert gnss().observe(fix(NORTH_EAST.length_m + 30.0), None) == ()
@@ -441,7 +441,7 @@ def test_a_fix_that_both_legs_explain_is_ambiguous() -> None:
     assert [notice.code for notice in observer.notices()] == ["gnss_ambiguous"]
 
 
-def test_a_fix_too_far_from_the_believed_leg_is_not_given_to_another() -> None:
+def test_a_stray_fix_is_not_given_to_another_leg() -> None:
     """11 m to the left of the way out it is 3 m beside the way back, 1.1 km away: it is a fix of neither."""
     assert gnss(line(track=HAIRPIN)).observe(beside(10.0, 11.0), belief(10.0, 3.0)) == ()
     assert len(gnss(line(track=HAIRPIN)).observe(beside(10.0, 11.0), belief(1118.0, 3.0))) == 1
@@ -488,9 +488,7 @@ def test_only_a_line_near_itself_needs_the_belief(legs: list[tuple[float, float]
         ("31259", 479, [(0.0, 279.0), (300.0, 427.0), (440.0, 476.0)]),
     ],
 )
-def test_on_real_trains_false_fixes_do_not_count_and_sound_ones_do(
-    log: str, least: int, good: list[tuple[float, float]]
-) -> None:
+def test_on_real_trains_sound_fixes_count_and_false_not(log: str, least: int, good: list[tuple[float, float]]) -> None:
     """`good`: where RTK holds for long and lies on the track; between them the receiver coasts and RTK comes in bursts.
 
     28554 and 28573 begin before the line does; in 31259 RTK lies 6 to 9 m beside the track from 427.6 to 435.2 s.

@@ -69,7 +69,7 @@ def test_projecting_a_located_chainage_gives_it_back(track: tuple[list[Point], l
     assert abs(seen.cross_track_m) < 0.01
 
 
-def test_projecting_a_located_chainage_gives_it_back_on_long_legs_too() -> None:
+def test_long_legs_give_a_located_chainage_back_too() -> None:
     line = Track(walk((4.5, 50.9), [(45.0, 900.0), (50.0, 5000.0)]))
     for position in np.linspace(0.0, line.length_m, 50):
         assert line.project(*line.locate(float(position))).position_m == pytest.approx(position, abs=1e-3)
@@ -234,9 +234,7 @@ def arc(start: Point, radius_m: float, side: float, step_m: float, count: int) -
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
 @pytest.mark.parametrize(("radius_m", "step_m"), [(800.0, 17.0), (1500.0, 25.0), (300.0, 4.0)])
-def test_a_circle_has_its_curvature_and_turns_by_its_length_over_its_radius(
-    side: float, radius_m: float, step_m: float
-) -> None:
+def test_a_circle_turns_by_its_length_over_its_radius(side: float, radius_m: float, step_m: float) -> None:
     """Positive to the right. A geodesic's own turning against north (tan φ sin ψ / 6371 km) is far below the tolerance."""
     line = Track(arc((4.5, 0.3), radius_m, side, step_m, 60))
     for part in (0.2, 0.5, 0.77):
@@ -254,7 +252,7 @@ def test_a_heading_passes_through_north_without_a_jump_in_curvature() -> None:
     assert headings == pytest.approx([(-10.0 + i) % 360.0 for i in range(2, 18)], abs=0.02)
 
 
-def test_a_straight_track_shorter_than_the_smoothing_has_a_heading_and_no_curvature() -> None:
+def test_a_very_short_track_has_a_heading_and_no_curvature() -> None:
     line = Track(walk((4.5, 50.9), [(123.0, 4.0), (123.0, 5.0)]))
     for position in (-5.0, 0.0, 4.5, 9.0, 20.0):
         assert line.heading_deg(position) == pytest.approx(123.0, abs=1e-3)
