@@ -179,6 +179,13 @@ def test_a_step_across_the_track_is_bounded(aside: float, refused: str | None) -
     assert judged(*before, last._replace(cross_track_m=1.0 + aside))[-1] == refused
 
 
+@pytest.mark.parametrize(("gap_s", "refused"), [(8.0, "cross_track_jump"), (9.0, None)])
+def test_motions_are_not_compared_after_a_long_gap(gap_s: float, refused: str | None) -> None:
+    """4 m aside at the same chainage: a train may have gone over a switch and back meanwhile."""
+    standing = [SeenFix(0.5 * k, "rtk_fixed", 100.0, 1.0, 0.1) for k in range(10)]
+    assert judged(*standing, SeenFix(4.5 + gap_s, "rtk_fixed", 100.0, -3.0, 0.1)) == [None] * 10 + [refused]
+
+
 @pytest.mark.parametrize("solution", ["differential", "single"])
 def test_a_fix_that_contradicts_the_others_is_refused_alone(solution: str) -> None:
     fixes = run(0.0, 20.0, solution)

@@ -55,7 +55,7 @@ class Still(NamedTuple):
 
 def extended(run: Run, fix: SeenFix) -> Run:
     """The run and its next fix, without what is older than the window."""
-    return (*run[_after(run, fix.t_s - WINDOW_S, len(run)) :], fix)
+    return (*run[_count_until(run, fix.t_s - WINDOW_S, len(run)) :], fix)
 
 
 class MotionTest:
@@ -76,13 +76,15 @@ class MotionTest:
         self._a, self._sigmas, self._turning = acceleration_mps2, sigmas, turning
 
     def impossible(self, run: Run, fix: SeenFix) -> str | None:
-        """Why no train can have come from the run to this fix; None if one can."""
+        """Why no train can have come from the run to this fix; None if one can, or after a gap longer than the window."""
+        if run and fix.t_s - run[-1].t_s > WINDOW_S:
+            return None
         tried = (-1, -1)
         for lag_s in LAGS_S:
-            j = _after(run, fix.t_s - lag_s, len(run)) - 1
+            j = _count_until(run, fix.t_s - lag_s, len(run)) - 1
             if j < 0:
                 break
-            i = _after(run, run[j].t_s - lag_s, j) - 1
+            i = _count_until(run, run[j].t_s - lag_s, j) - 1
             # fixes may be farther apart than the interval
             if (i, j) == tried:
                 continue
@@ -117,7 +119,7 @@ class MotionTest:
             return False
         j = still.before[-1]
         for lag_s in LAGS_S:
-            at = _after(still.before, j.t_s - lag_s, len(still.before) - 1) - 1
+            at = _count_until(still.before, j.t_s - lag_s, len(still.before) - 1) - 1
             if at < 0:
                 break
             i = still.before[at]
@@ -166,7 +168,7 @@ def _distance_m(a: SeenFix, b: SeenFix) -> float:
     return max(abs(b.position_m - a.position_m), abs(b.cross_track_m - a.cross_track_m))
 
 
-def _after(run: Run, t_s: float, end: int) -> int:
+def _count_until(run: Run, t_s: float, end: int) -> int:
     """How many of the first `end` fixes are not later than a time."""
     return bisect_right(run, t_s + STAMP_S, 0, end, key=_time)
 

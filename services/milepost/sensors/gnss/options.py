@@ -51,7 +51,8 @@ class GnssOptions(SensorOptions):
 
     `offset_std_m`: the same of the slow part (atmosphere, multipath) with `offset_time_s`; the private state.
     `trust_stated_std`: take the fix's own standard deviation where the receiver states one. `speed_std_mps`: of its speed;
-    without it its speed only checks its positions. `cross_track_limit_m`: a fix farther from the track cannot be this train.
+    without it its speed only checks its positions. `cross_track_limit_m`: a fix farther from the track cannot be this
+    train's, nor can fixes whose mean is farther than half of it.
     """
 
     recording: Annotated[RecordingOptions | None, BeforeValidator(_of_path)] = None
