@@ -6,12 +6,13 @@ from itertools import pairwise
 from typing import Any
 
 import pytest
-from harness import PERIOD_NS, ROOT, Journey, at, delayed, scenario_s, silent, travel, widths
+from harness import PERIOD_NS, ROOT, Journey, at, scenario_s, travel, widths
 
 from milepost.config.scenario_file import load_scenario
 from milepost.evaluation.run_log import RunLog
 from milepost.evaluation.scenario_run import evaluate_once
 from milepost.nodes.base import Output
+from milepost.simulation.faults import delayed, silent
 from milepost_schemas import BaliseTelegram, Estimate, Gaussian, LinearObservation
 
 SOURCE_A = ROOT / "deploy/scenarios/loop-radar-balise.yaml"

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from milepost.estimation.swarm import Swarm
+from milepost.estimation.noise.swarm import Swarm
 from milepost.sensors.imu.learned_error import InertialErrorModel, LearnedError, equivalent_white_variance
 
 MODEL = InertialErrorModel(bias_std=0.005, walk_std=2.4e-4, noise_density=0.05)

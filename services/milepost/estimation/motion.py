@@ -27,9 +27,7 @@ def process_noise(dt_s: float, jerk_psd: float) -> Array:
     t2 = dt_s * dt_s
     t3 = t2 * dt_s
     q02, q01, q12 = jerk_psd * (t3 / 6.0), jerk_psd * (t2 * t2 / 8.0), jerk_psd * (t2 / 2.0)
-    return np.array(
-        [[jerk_psd * (t2 * t3 / 20.0), q01, q02], [q01, jerk_psd * (t3 / 3.0), q12], [q02, q12, jerk_psd * dt_s]]
-    )
+    return np.array([[jerk_psd * (t2 * t3 / 20.0), q01, q02], [q01, jerk_psd * (t3 / 3.0), q12], [q02, q12, jerk_psd * dt_s]])
 
 
 def full_transition(dt_s: float, layout: Layout) -> Array:

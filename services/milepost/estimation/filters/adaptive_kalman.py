@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ..adaptive import InnovationVariance
+from ..noise.adaptive import InnovationVariance
 from ..observation import Observation
 from .learning import LearningFilter
 from .options import positive
