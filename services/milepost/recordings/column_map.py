@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import partial
 from itertools import groupby
 from typing import Any, NamedTuple, get_args
@@ -21,17 +21,16 @@ from .units import factor, unit_of
 TIME = "time"
 # valid values of the fields that every message has, to see whether a row's own make a message
 HEAD: dict[str, Any] = {"train": "t", "unit": "u", "instance": "i", "sequence": 0, "measured_at_ns": 1, "published_at_ns": 1}
-
-
 # the fields that say over how long a reading is a mean
 INTERVALS = ("interval_s", "mean_over_s")
 
 
 class Recorded(NamedTuple):
-    """A reading of a recording, and when its last row was there."""
+    """A reading of a recording, when its last row was there, and the line of that row in the file."""
 
     ready_s: float
     reading: Measured
+    line: int
 
 
 def check_map(options: RecordingOptions, message: type[Message]) -> None:
@@ -108,6 +107,81 @@ def _count(text: str) -> int:
     return int(value)
 
 
+def time_zero_s(options: RecordingOptions) -> float:
+    """What the column of times says at scenario time 0, in seconds. Raises ValueError and OSError where the file does not."""
+    if options.time.zero_s is not None:
+        return options.time.zero_s
+    first = next(read_table(options.file, {TIME: Cell(options.time.column, options.time.seconds)}), None)
+    if first is None or first.error is not None:
+        raise ValueError(f"{options.file}: {'no row' if first is None else first.error}")
+    zero_s: float = first.values[TIME]
+    return zero_s
+
+
+class ColumnMap:
+    """The rows of a recording as readings, on scenario time. Raises ValueError as `check_map` does."""
+
+    def __init__(self, options: RecordingOptions, message: type[Message]) -> None:
+        check_map(options, message)
+        self._options, self._message = options, message
+        self._cells = _cells(options, message)
+        self._constants = {name: _as_field(value, message.model_fields[name]) for name, value in options.constants.items()}
+        self._vectors = {name: len(columns) for name, columns in options.columns.items() if isinstance(columns, list)}
+        self._intervals = [name for name in INTERVALS if name in message.model_fields and name not in options.columns]
+
+    def rows(self) -> Iterator[Recorded]:
+        """Every row in the order of the file. Raises ValueError naming file, line and column."""
+        time = self._options.time
+        zero_s = time.zero_s
+        for line, values, error in read_table(self._options.file, self._cells):
+            if error is not None:
+                raise ValueError(f"{self._options.file}: {error}")
+            stamp = values.pop(TIME)
+            zero_s = stamp if zero_s is None else zero_s
+            # times since 1970 are good to a quarter of a microsecond
+            at = round(stamp - zero_s + self._options.shift_s, 6)
+            yield Recorded(at, Measured(at, self._fields(values)), line)
+
+    def check(self, reading: Measured, place: str) -> None:
+        """Whether a reading makes a message. Raises ValueError naming file, `place` and field."""
+        try:
+            self._message(**HEAD, **reading.fields)
+        except ValidationError as error:
+            first = error.errors(include_url=False)[0]
+            field = ".".join(str(part) for part in first["loc"])
+            text = first["msg"].removeprefix("Value error, ")
+            raise ValueError(f"{self._options.file}: {place}: {field}{': ' if field else ''}{text}") from error
+
+    def averaged(self, rows: Iterable[Recorded]) -> Iterator[Recorded]:
+        """Rows, which must be in order of time, as means over `average_s`; as they are where there is none."""
+        average_s = self._options.average_s
+        if average_s is None:
+            yield from rows
+            return
+        # a row on the boundary belongs to the window that it ends
+        for _, window in groupby(rows, lambda row: math.ceil(row.ready_s / average_s - 1e-9)):
+            yield self._mean(list(window), average_s)
+
+    def _fields(self, values: dict[str, Any]) -> dict[str, Any]:
+        for name, size in self._vectors.items():
+            parts = [values.pop(f"{name}.{number}") for number in range(size)]
+            values[name] = None if None in parts else parts
+        return self._constants | {name: value for name, value in values.items() if value is not None}
+
+    def _mean(self, rows: list[Recorded], average_s: float) -> Recorded:
+        """The mean of the rows of one window, true at the mean of their times where the quantity changes evenly.
+
+        Of white errors the variance of the mean is 1/n of a row's, and a standard deviation 1/√n of it.
+        """
+        readings, last = [row.reading for row in rows], rows[-1]
+        fields: dict[str, Any] = {}
+        for name in last.reading.fields:
+            fields[name] = _mean_of(name, [reading.fields[name] for reading in readings if name in reading.fields])
+        fields |= dict.fromkeys(self._intervals, average_s)
+        measured_s = sum(reading.measured_s for reading in readings) / len(readings)
+        return Recorded(last.ready_s, Measured(measured_s, fields), last.line)
+
+
 class CsvSource:
     """The readings of a recording from scenario time `from_s` on, at their own pace, read as they are needed.
 
@@ -117,24 +191,17 @@ class CsvSource:
     """
 
     def __init__(self, options: RecordingOptions, message: type[Message], from_s: float) -> None:
-        check_map(options, message)
-        self._options = options
-        self._constants = {name: _as_field(value, message.model_fields[name]) for name, value in options.constants.items()}
-        self._from_s = max(from_s, 0.0)
-        self._vectors = {name: len(columns) for name, columns in options.columns.items() if isinstance(columns, list)}
-        self._intervals = [name for name in INTERVALS if name in message.model_fields and name not in options.columns]
+        self._file, self._column = options.file, options.time.column
         self.skipped: dict[str, int] = {}
         self.told: dict[str, str] = {}
-        cells = _cells(options, message)
-        if sum(1 for _ in self._rows(cells)) < 1:
+        table = ColumnMap(options, message)
+        if sum(1 for _ in table.rows()) < 1:
             raise ValueError(f"{options.file}: no row")
-        self.skipped.clear()
-        rows = self._rows(cells)
-        readings = rows if options.average_s is None else self._averaged(rows, options.average_s)
-        self._readings = (recorded for recorded in readings if recorded.reading.measured_s >= self._from_s)
+        readings = table.averaged(self._in_order(table.rows()))
+        self._readings = (recorded for recorded in readings if recorded.reading.measured_s >= max(from_s, 0.0))
         self._next = next(self._readings, None)
         if self._next is not None:
-            self._check(message, self._next.reading.fields)
+            table.check(self._next.reading, "the first reading")
 
     def next_s(self) -> float | None:
         """When the next reading is ready."""
@@ -145,57 +212,15 @@ class CsvSource:
         recorded, self._next = self._next, next(self._readings, None)
         return None if recorded is None else recorded.reading
 
-    def _check(self, message: type[Message], fields: dict[str, Any]) -> None:
-        try:
-            message(**HEAD, **fields)
-        except ValidationError as error:
-            first = error.errors(include_url=False)[0]
-            place = ".".join(str(part) for part in first["loc"])
-            text = first["msg"].removeprefix("Value error, ")
-            raise ValueError(f"{self._options.file}: the first reading: {place}{': ' if place else ''}{text}") from error
-
-    def _skip(self, reason: str, text: str) -> None:
-        self.skipped[reason] = self.skipped.get(reason, 0) + 1
-        self.told.setdefault(reason, f"{self._options.file}: {text}")
-
-    def _rows(self, cells: Mapping[str, Cell]) -> Iterator[Recorded]:
-        time = self._options.time
-        zero_s = None if time.zero_at is None else time.seconds(str(time.zero_at))
+    def _in_order(self, rows: Iterable[Recorded]) -> Iterator[Recorded]:
         last_s = -math.inf
-        for line, values, error in read_table(self._options.file, cells):
-            if error is not None:
-                raise ValueError(f"{self._options.file}: {error}")
-            stamp = values.pop(TIME)
-            zero_s = stamp if zero_s is None else zero_s
-            # times since 1970 are good to a quarter of a microsecond
-            at = round(stamp - zero_s + self._options.shift_s, 6)
-            if at <= last_s:
-                self._skip("out_of_order", f"line {line}: {time.column}: not after the row before")
+        for row in rows:
+            if row.ready_s > last_s:
+                last_s = row.ready_s
+                yield row
                 continue
-            last_s = at
-            yield Recorded(at, Measured(at, self._fields(values)))
-
-    def _fields(self, values: dict[str, Any]) -> dict[str, Any]:
-        for name, size in self._vectors.items():
-            parts = [values.pop(f"{name}.{number}") for number in range(size)]
-            values[name] = None if None in parts else parts
-        return self._constants | {name: value for name, value in values.items() if value is not None}
-
-    def _averaged(self, rows: Iterator[Recorded], average_s: float) -> Iterator[Recorded]:
-        # a row on the boundary belongs to the window that it ends
-        for _, window in groupby(rows, lambda row: math.ceil(row.ready_s / average_s - 1e-9)):
-            yield self._mean([row.reading for row in window], average_s)
-
-    def _mean(self, rows: list[Measured], average_s: float) -> Recorded:
-        """The mean of the rows of one window, true at the mean of their times where the quantity changes evenly.
-
-        Of white errors the variance of the mean is 1/n of a row's, and a standard deviation 1/√n of it.
-        """
-        fields: dict[str, Any] = {}
-        for name in rows[-1].fields:
-            fields[name] = _mean_of(name, [row.fields[name] for row in rows if name in row.fields])
-        fields |= dict.fromkeys(self._intervals, average_s)
-        return Recorded(rows[-1].measured_s, Measured(sum(row.measured_s for row in rows) / len(rows), fields))
+            self.skipped["out_of_order"] = self.skipped.get("out_of_order", 0) + 1
+            self.told.setdefault("out_of_order", f"{self._file}: line {row.line}: {self._column}: not after the row before")
 
 
 def _mean_of(name: str, said: list[Any]) -> Any:

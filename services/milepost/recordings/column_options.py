@@ -30,6 +30,11 @@ class TimeOptions(BaseModel):
             self.seconds(str(self.zero_at))
         return self
 
+    @property
+    def zero_s(self) -> float | None:
+        """`zero_at` in seconds."""
+        return None if self.zero_at is None else self.seconds(str(self.zero_at))
+
     def seconds(self, text: str) -> float:
         """A time in the column as seconds. Raises ValueError."""
         return utc_seconds(text) if self.unit == ISO else float(text) * UNITS[self.unit].factor

@@ -13,24 +13,36 @@ from milepost.estimation.motion import process_noise, transition
 from milepost.recordings.ecef_path import ECEF_PATH
 from milepost.recordings.gnss_log import RecordedFix
 from milepost.recordings.table import read_table
+from milepost.recordings.truth_rows import TruthRow, in_order
 from milepost.track.track import Track
 
 from .motion import KnotMotion
 
+# another part of the track that is nearer than this to being as near as the nearest makes a chainage ambiguous
+AMBIGUOUS_M = 1.0
+# parts of the track this far apart are other parts; points between which to look are less than AMBIGUOUS_M apart
+APART_M = 20.0
+SAMPLE_M = 0.5
+# within so many seconds no train goes round a curve that is longer than this many times its chord
+STRAIGHT_S = 10.0
+LONGEST_DETOUR = 1.5
+DEGREE_M = 111_200.0
 
-def smooth_motion(fixes: Sequence[RecordedFix], track: Track, fix_std_m: float, jerk_psd: float) -> KnotMotion:
+
+def smooth_motion(file: Path, fixes: Sequence[RecordedFix], track: Track, fix_std_m: float, jerk_psd: float) -> KnotMotion:
     """The motion that a log's RTK-fixed positions show: a Rauch-Tung-Striebel smoother over their chainages.
 
-    Forward: the Kalman filter of `estimation.kalman` with z = chainage, R = `fix_std_m`². Backward, from the last fix:
-    C = P_k Fᵀ P̄_{k+1}⁻¹, x_k ← x_k + C (x_{k+1} - x̄_{k+1}). Gaps in the fixes are bridged by the quintic between their ends.
-    Raises ValueError with fewer than four such fixes. Source: Rauch, Tung and Striebel, AIAA J. 3(8), 1965.
+    `fixes`: at increasing times, from `file`. Forward: the Kalman filter of `estimation.kalman` with z = chainage,
+    R = `fix_std_m`². Backward, from the last fix: C = P_k Fᵀ P̄_{k+1}⁻¹, x_k ← x_k + C (x_{k+1} - x̄_{k+1}). Gaps in the fixes
+    are bridged by the quintic between their ends. Raises ValueError with fewer than four such fixes, and as `chainages`
+    does. Source: Rauch, Tung and Striebel, AIAA J. 3(8), 1965.
     """
-    # a log may say the same time twice; between two knots there must be time
-    good = list({fix.t_s: fix for fix in fixes if fix.solution == "rtk_fixed"}.values())
+    good = [fix for fix in fixes if fix.solution == "rtk_fixed"]
     if len(good) < 4:
-        raise ValueError("fewer than four RTK-fixed positions: they show no motion")
+        raise ValueError(f"{file}: fewer than four RTK-fixed positions: they show no motion")
     times = np.array([fix.t_s for fix in good])
-    chainage = np.array([track.project(fix.latitude_deg, fix.longitude_deg).position_m for fix in good])
+    rows = [TruthRow(fix.line, fix.t_s, (fix.latitude_deg, fix.longitude_deg)) for fix in good]
+    chainage = chainages(file, rows, track)
     h = np.array([1.0, 0.0, 0.0])
     x = np.array([chainage[0], (chainage[3] - chainage[0]) / (times[3] - times[0]), 0.0])
     P = np.diag([1.0, 4.0, 1.0])
@@ -60,26 +72,82 @@ def smooth_motion(fixes: Sequence[RecordedFix], track: Track, fix_std_m: float, 
     return KnotMotion(times, knots)
 
 
-def path_motion(path: Path, track: Track) -> KnotMotion:
+def path_motion(file: Path, track: Track) -> KnotMotion:
     """The motion along a track of a path recorded in earth-centred metres and metres a second, from its first row on.
 
     Position: the chainage of the nearest point; speed: the velocity's size, both made to agree; acceleration: central
-    differences of the speed. Raises ValueError naming file, line and column for what it cannot read.
+    differences of the speed. Raises ValueError naming file, line and column for what it cannot read, and as
+    `truth_rows.in_order` and `chainages` do.
     """
     import pyproj  # slow to import, and few recordings need it
 
-    rows = []
-    for row in read_table(path, ECEF_PATH):
-        if row.error is not None:
-            raise ValueError(f"{path}: {row.error}")
-        rows.append([row.values[name] for name in ECEF_PATH])
-    table = np.array(rows, dtype=float)
-    if len(table) < 4 or not np.all(np.diff(table[:, 0]) > 0.0):
-        raise ValueError(f"{path}: four rows at least, at increasing times, are needed")
-    times = table[:, 0] - table[0, 0]
-    longitude, latitude, _ = pyproj.Transformer.from_crs("EPSG:4978", "EPSG:4979", always_xy=True).transform(*table[:, 1:4].T)
-    s = np.array([track.project(lat, lon).position_m for lat, lon in zip(latitude, longitude, strict=True)])
-    return KnotMotion(times, _smooth(times, s, np.linalg.norm(table[:, 4:7], axis=1)))
+    rows: list[TruthRow] = []
+    for line, values, error in read_table(file, ECEF_PATH):
+        if error is not None:
+            raise ValueError(f"{file}: {error}")
+        t_s, *place = (values[name] for name in ECEF_PATH)
+        rows.append(TruthRow(line, t_s, tuple(place)))
+    rows = in_order(file, rows)
+    if len(rows) < 4:
+        raise ValueError(f"{file}: four rows at least are needed")
+    table = np.array([row.place for row in rows])
+    longitude, latitude, _ = pyproj.Transformer.from_crs("EPSG:4978", "EPSG:4979", always_xy=True).transform(*table[:, :3].T)
+    placed = [row._replace(place=at) for row, at in zip(rows, zip(latitude, longitude, strict=True), strict=True)]
+    times = np.array([row.t_s for row in rows])
+    times = times - times[0]
+    return KnotMotion(times, _smooth(times, chainages(file, placed, track), np.linalg.norm(table[:, 3:6], axis=1)))
+
+
+def chainages(file: Path, rows: Sequence[TruthRow], track: Track) -> Array:
+    """The chainage of each row's (latitude_deg, longitude_deg): that of the nearest point of the track.
+
+    Raises ValueError naming file, line and time of a row whose chainage is ambiguous, because another part of the track is
+    as near, and of one to which the chainage jumps although the position does not.
+    """
+    places = np.array([row.place for row in rows])
+    seen = [track.project(latitude, longitude) for latitude, longitude in places]
+    s, off = (np.array([getattr(each, name) for each in seen]) for name in ("position_m", "cross_track_m"))
+    samples = np.arange(0.0, track.length_m, SAMPLE_M)
+    plane = _Plane(*places.mean(axis=0))
+    xy = plane.of(places)
+    _check_one_place(file, rows, xy, s, off, samples, plane.of(np.array([track.locate(at) for at in samples])))
+    _check_steps(file, rows, xy, s)
+    return s
+
+
+def _check_one_place(
+    file: Path, rows: Sequence[TruthRow], xy: Array, s: Array, off: Array, samples: Array, track_xy: Array
+) -> None:
+    import shapely  # slow to import, and few trains have a recorded truth
+
+    tree = shapely.STRtree(shapely.points(track_xy))
+    near = tree.query(shapely.points(xy), predicate="dwithin", distance=off + AMBIGUOUS_M)
+    for k, i in zip(*near.tolist(), strict=True):
+        # the farther off the track, the longer is the part of it that is about as near
+        if abs(samples[i] - s[k]) > APART_M + 2.0 * off[k]:
+            where = f"{s[k]:.0f} m and {samples[i]:.0f} m of the line are equally near"
+            raise ValueError(f"{rows[k].named(file)}: the chainage is ambiguous: {where}")
+
+
+def _check_steps(file: Path, rows: Sequence[TruthRow], xy: Array, s: Array) -> None:
+    times = np.array([row.t_s for row in rows])
+    moved, along, dt = np.hypot(*np.diff(xy, axis=0).T), np.abs(np.diff(s)), np.diff(times)
+    for k in np.flatnonzero((along > LONGEST_DETOUR * moved + APART_M) & (dt <= STRAIGHT_S)).tolist():
+        text = f"the chainage jumps from {s[k]:.0f} m to {s[k + 1]:.0f} m, the position moves by {moved[k]:.1f} m"
+        raise ValueError(f"{rows[k + 1].named(file)}: {text}")
+
+
+class _Plane:
+    """Metres east and north of a point, good to a percent within a degree of latitude: enough to tell what is near."""
+
+    def __init__(self, latitude_deg: float, longitude_deg: float) -> None:
+        self._origin = np.array([latitude_deg, longitude_deg])
+        self._metres = DEGREE_M * np.array([1.0, np.cos(np.radians(latitude_deg))])
+
+    def of(self, places: Array) -> Array:
+        """(n, 2) of latitude and longitude in degrees, as metres."""
+        out: Array = (places - self._origin) * self._metres
+        return out
 
 
 def _smooth(times: Array, s: Array, v: Array) -> Array:

@@ -6,12 +6,11 @@ import math
 from collections.abc import Sequence
 from typing import Annotated, get_args
 
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import Field, model_validator
 
 from milepost.estimation.layout import PrivateState
 from milepost.estimation.notice import Notice
-from milepost.recordings.column_options import RecordingOptions
-from milepost.recordings.gnss_log import SOLUTIONS
+from milepost.recordings.gnss_log import GnssLog
 from milepost.recordings.measured import Source
 from milepost.track.track import Track
 from milepost_schemas import PositionReading
@@ -26,24 +25,6 @@ from .simulated import Figures, Options, SimulatedGnss, SimulatedReceiver, Std
 LEAST_COURSE_SPEED_MPS = 3.0
 # of the Doppler speed of a receiver that states none, where it serves to check its fixes only
 DEFAULT_SPEED_STD_MPS = 0.2
-
-
-WORDS = {f"{word}*": means for word, means in SOLUTIONS.items()} | {"*": "none"}
-
-
-def _of_path(value: object) -> object:
-    """A bare path is a log with the columns of `recordings.gnss_log`."""
-    if not isinstance(value, str):
-        return value
-    return {
-        "file": value,
-        "time": {"column": "time_utc", "unit": "iso8601"},
-        "columns": {
-            "latitude_deg": {"column": "latitude_deg", "unit": "deg"},
-            "longitude_deg": {"column": "longitude_deg", "unit": "deg"},
-            "solution": {"column": "position_type", "values": WORDS},
-        },
-    }
 
 
 class MonitorOptions(Options):
@@ -66,7 +47,7 @@ class GnssOptions(SensorOptions):
     without it its speed is not used. `cross_track_limit_m`: a fix farther from the track cannot be this train.
     """
 
-    recording: Annotated[RecordingOptions | None, BeforeValidator(_of_path)] = None
+    recording: GnssLog | None = None
     receiver: ReceiverOptions | None = None
     simulated: SimulatedGnss = Field(default_factory=SimulatedGnss)
     monitor: MonitorOptions = Field(default_factory=MonitorOptions)
