@@ -1,8 +1,8 @@
-"""What one offline run said."""
+"""The log of one offline run: what its estimators are scored from."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -15,8 +15,11 @@ from milepost.estimation.timeline import Observation
 from milepost.nodes.base import Output
 from milepost.nodes.observations import POSITION, of_fix, of_reading
 from milepost.offline.memory_bus import Tap
-from milepost.sensors.base import Belief, Observer
+from milepost.sensors.base import Belief, Observed, Sensor
+from milepost.sensors.odometer.odometer import Odometer
 from milepost_schemas import AbsoluteFix, Estimate, Feedback, FusedState, Gaussian, Message, Truth
+
+Observe = Callable[[Any, Belief | None], Sequence[Observed]]
 
 
 class PrivateStates(NamedTuple):
@@ -27,18 +30,18 @@ class PrivateStates(NamedTuple):
 
 
 def private_part(belief: Gaussian) -> PrivateStates:
-    """What a belief says of private states."""
+    """The private states of a belief."""
     P = belief.covariance
     return PrivateStates(list(belief.mean[N_COMMON:]), [P[i][i] for i in range(N_COMMON, len(P))])
 
 
 @dataclass
 class RunLog:
-    """What one offline run said: truth, readings and fixes, states, and private states as they last stood.
+    """The truth, readings and fixes, states and private states of one offline run. `truth` is empty where there is none.
 
     `private`: epoch → (means, variances), in the order of the train's layout: as they went back with the feedback, or, where
-    the rule fuses none, as each filter believed. `counted`: unit → the times of the observations
-    that its filter sent to the fuser.
+    the rule fuses none, as each filter believed. `counted`: unit → time → variance of the observations that its filter sent
+    to the fuser; of the first one, where a reading gives several.
     """
 
     train: Train
@@ -48,14 +51,14 @@ class RunLog:
     live: dict[int, FusedState] = field(default_factory=dict)
     settled: dict[int, FusedState] = field(default_factory=dict)
     private: dict[int, tuple[list[float], list[float]]] = field(default_factory=dict)
-    counted: dict[str, set[int]] = field(default_factory=dict)
+    counted: dict[str, dict[int, float]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self._orders = {unit: order for order, unit in enumerate(self.train.sensors)}
         self._believed = {unit: PrivateStates([], []) for unit, sensor in self.train.sensors.items() if sensor.private_states}
 
     def tap(self, output: Output, now_ns: int) -> None:
-        """One message on the bus."""
+        """Take one message of the bus."""
         message = output.message
         if self.also is not None:
             self.also(output, now_ns)
@@ -68,7 +71,9 @@ class RunLog:
         elif isinstance(message, Estimate):
             if message.unit in self._believed:
                 self._believed[message.unit] = private_part(message.belief)
-            self.counted.setdefault(message.unit, set()).update(o.measured_at_ns for o in message.observations)
+            variances = self.counted.setdefault(message.unit, {})
+            for o in message.observations:
+                variances.setdefault(o.measured_at_ns, o.variance)
         elif isinstance(message, AbsoluteFix):
             self.readings.append((self._orders[message.reader], message))
         elif output.stream.endswith("_reading"):
@@ -83,12 +88,36 @@ class RunLog:
             self.private[feedback.measured_at_ns] = PrivateStates(means, variances)
 
     def keep(self, state: FusedState) -> None:
-        """One settled state."""
+        """Take one settled state."""
         self.settled[state.measured_at_ns] = state
 
+    def verdict(self, unit: str, measured_at_ns: int) -> float | None:
+        """The variance at which a unit's filter let the reading of a time count; None where it did not."""
+        return self.counted.get(unit, {}).get(measured_at_ns)
+
+    def _observers(self) -> dict[str, Observe]:
+        """Who observes in a centralised pass: observers of its own, but for wheels the judgement of the run itself.
+
+        Whether a wheel slips is judged against the fused speed. A pass that judged by its own belief would have to be right
+        before it may doubt: one wrong verdict, and it is sure of the wrong speed.
+        """
+        return {
+            unit: self._as_judged(sensor) if isinstance(sensor, Odometer) else sensor.observer().observe
+            for unit, sensor in self.train.sensors.items()
+        }
+
+    def _as_judged(self, sensor: Sensor[Any]) -> Observe:
+        def observe(reading: Any, belief: Belief | None) -> Sequence[Observed]:
+            variance = self.verdict(sensor.unit, reading.measured_at_ns)
+            if variance is None:
+                return ()
+            return [Observed(seen.row, seen.value, variance) for seen in sensor.observe(reading, belief)]
+
+        return observe
+
     def centralised_readings(self, unit: str | None = None) -> list[Reading]:
-        """Readings and fixes for a centralised pass, seen by observers of its own; of one unit, or of all."""
-        observers = {name: sensor.observer() for name, sensor in self.train.sensors.items()}
+        """Readings and fixes for a centralised pass; of one unit, or of all."""
+        observers = self._observers()
         return [
             _reading(order, message, observers)
             for order, message in self.readings
@@ -96,8 +125,8 @@ class RunLog:
         ]
 
     def begins_ns(self, mean: Array, covariance: Array, layout: Layout) -> int | None:
-        """The time of the earliest reading that says anything, given the prior over all states: there the prior sits."""
-        observers = {name: sensor.observer() for name, sensor in self.train.sensors.items()}
+        """The time of the earliest reading that counts, given the prior over all states: there the prior sits."""
+        observers = self._observers()
         for order, message in sorted(self.readings, key=lambda entry: (entry[1].measured_at_ns, entry[0], entry[1].sequence)):
             reading = _reading(order, message, observers)
             own = list(layout.indices.get(reading.unit, PLACES_OF_COMMON))
@@ -107,7 +136,7 @@ class RunLog:
 
     @property
     def observations(self) -> list[Observation]:
-        """What fixes and the readings of linear sensors say, whatever is believed."""
+        """The observations of fixes and of the readings of linear sensors, which need no belief."""
         out = []
         for order, message in self.readings:
             if isinstance(message, AbsoluteFix):
@@ -117,11 +146,11 @@ class RunLog:
         return out
 
 
-def _reading(order: int, message: Any, observers: Mapping[str, Observer]) -> Reading:
+def _reading(order: int, message: Any, observers: Mapping[str, Observe]) -> Reading:
     if isinstance(message, AbsoluteFix):
         o = of_fix(message, order)
         rows = [(POSITION, o.value, o.variance)]
         return Reading(*o[:4], message.reader, lambda mean, covariance: rows)  # noqa: ARG005
-    observe = observers[message.unit].observe
+    observe = observers[message.unit]
     head = (message.measured_at_ns, order, message.sequence, message.instance)
     return Reading(*head, message.unit, lambda mean, covariance: observe(message, Belief(mean, covariance)))
