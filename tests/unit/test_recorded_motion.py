@@ -145,6 +145,26 @@ class TestColumnMap:
         motion = train_of(tmp_path, rows, RECORDED | {"gnss_log": OWN_MAP | {"average_s": 1.0}}, OWN_HEADER).world().motion
         assert motion.at(10.0)[0] == pytest.approx(100.0, abs=0.5)
 
+    @pytest.mark.parametrize("unit_zero", ["2022-02-25T00:00:05Z", None])
+    def test_a_unit_that_replays_the_log_needs_the_same_time_zero(self, tmp_path: Path, unit_zero: str | None) -> None:
+        """The truth's time 0 is 5 s into the log; a unit that begins elsewhere would be 50 m off it."""
+        columns = {
+            "latitude_deg": {"column": "latitude_deg", "unit": "deg"},
+            "longitude_deg": {"column": "longitude_deg", "unit": "deg"},
+            "solution": {"column": "position_type", "values": {"*": "rtk_fixed"}},
+        }
+        log = {"file": "log.csv", "columns": columns}
+        time = {"column": "time_utc", "unit": "iso8601"}
+        truth = RECORDED | {"gnss_log": log | {"time": time | {"zero_at": "2022-02-25T00:00:05Z"}}}
+        own = log | {"time": time | ({"zero_at": unit_zero} if unit_zero else {})}
+        unit = {"units.gnss": {"kind": "gnss", "source": "recording", "recording": own}}
+        rows = [row(k, 10.0 * k) for k in range(60)]
+        if unit_zero is not None:
+            assert train_of(tmp_path, rows, truth, **unit).world().motion.at(0.0)[0] == pytest.approx(50.0, abs=0.1)
+            return
+        text = refusal(lambda: train_of(tmp_path, rows, truth, **unit))
+        assert "world.motion.gnss_log.time.zero_at: scenario time 0 is 5 s after that of units.gnss.recording" in text
+
 
 class TestRowsThatAreNoTruth:
     """One line that names train file, field, recording, line and time; and no motion."""

@@ -9,6 +9,7 @@ from pydantic import BaseModel, Field, model_validator
 
 from milepost.recordings.options import STRICT, DataPath, Span
 from milepost_schemas.message import Name
+from milepost_schemas.reading import Solution
 
 from .train import Train, load_train
 from .train_file import Positive
@@ -19,12 +20,16 @@ Window = list[Span] | Literal["creep"]
 
 
 class WithheldFile(BaseModel):
-    """Readings of a unit that the filters do not get and that the result is compared with afterwards."""
+    """Fixes of a unit's recording that the filters do not get and that the result is compared with afterwards.
+
+    Only fixes of one `solution` are compared.
+    """
 
     model_config = STRICT
     unit: Name
     from_s: float
     to_s: float
+    solution: Solution = "rtk_fixed"
 
 
 class EstimatorFile(BaseModel):
@@ -106,11 +111,9 @@ class ScenarioFile(BaseModel):
 def load_scenario(path: Path, seed: int | None = None, rule: str | None = None) -> tuple[ScenarioFile, Train]:
     """A scenario and its train, with changes, seed and rule laid over the train file. Raises ConfigError."""
     scenario = validate(path, read_yaml(path), ScenarioFile)
-    change = merged(scenario.change, {"world": {"seed": scenario.seed if seed is None else seed}})
-    if rule is not None:
-        change = merged(change, {"fusion": {"rule": rule}})
+    change = merged(scenario.change, {"fusion": {"rule": rule}}) if rule is not None else scenario.change
     try:
-        return scenario, load_train(scenario.train, change)
+        return scenario, load_train(scenario.train, change, scenario.seed if seed is None else seed)
     except ConfigError as error:
         # if the train is sound by itself, it is the change that is not
         load_train(scenario.train)

@@ -19,7 +19,7 @@ from milepost.offline.memory_bus import Tap
 from milepost.offline.message_log import write_line
 
 from .plan import make_plan
-from .scenario_run import ProgressCallback, Traces, run_plan
+from .scenario_run import ProgressCallback, Traces, later, run_plan
 
 LOOK_EVERY_S = 0.2
 # what a picture needs; the figures are made from every epoch
@@ -55,7 +55,7 @@ def run_tasks(tasks: Sequence[Task], jobs: int, progress: ProgressCallback) -> l
     if min(jobs, len(tasks)) <= 1:
         out, done = [], 0.0
         for task in tasks:
-            out.append(run_task(task, _from(progress, done)))
+            out.append(run_task(task, later(progress, done)))
             done += task.work_s
         return out
     return _in_processes(tasks, min(jobs, len(tasks)), progress)
@@ -84,10 +84,6 @@ def _writer(path: Path | None) -> Iterator[Tap | None]:
 
 def _to(file: TextIO) -> Tap:
     return lambda output, now_ns: write_line(file, output.message.train, output, now_ns)
-
-
-def _from(progress: ProgressCallback, done_s: float) -> ProgressCallback:
-    return lambda t_s: progress(done_s + t_s)
 
 
 def _in_processes(tasks: Sequence[Task], jobs: int, progress: ProgressCallback) -> list[Outcome]:

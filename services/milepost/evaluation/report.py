@@ -86,6 +86,7 @@ def _figures(name: str, condition: Mapping[str, Any]) -> str:
         cells = [with_worst(m[key], w[key]) if key in m else "-" for m, w in zip(medians, worst, strict=True)]
         lines.append(_line([key, *cells], "td"))
     alone = [f"{key}: {value:.4g}" for key, value in condition.items() if key.startswith(("fused_", "withheld_"))]
+    alone += [condition["not_scored"]] if "not_scored" in condition else []
     heading = f"<h3>{escape(name)}</h3>" if name else ""
     after = f"<p>{escape(', '.join(alone))}</p>" if alone else ""
     return f'{heading}<div class="wide"><table class="figures">{"".join(lines)}</table></div>{after}'
@@ -102,8 +103,9 @@ def _pictures(folder: Path, each: Evaluated) -> list[tuple[str, str]]:
         stem = each.plan.path.stem + (f".{case.name}" if case.name else "")
         ours = next((claim.ours for claim in each.scenario.claims if claim.ours in traces), next(iter(traces)))
         chosen = _chosen(each, traces)
-        draw_errors(folder / f"{stem}.errors.png", title, chosen, ours, _shaded(each, case.name))
-        out.append((f"{title}: errors against the truth, and the published interval", f"{stem}.errors.png"))
+        if all(trace.truth is not None for trace in chosen.values()):
+            draw_errors(folder / f"{stem}.errors.png", title, chosen, ours, _shaded(each, case.name))
+            out.append((f"{title}: errors against the truth, and the published interval", f"{stem}.errors.png"))
         shared = {name: trace for name, trace in chosen.items() if len(trace.shares) > 1}
         if shared:
             draw_shares(folder / f"{stem}.shares.png", title, shared)

@@ -35,7 +35,8 @@ def _condition(results: Sequence[dict[str, Any]], more_is_better: set[str] | fro
         estimators[name] = {key: over(v, _median) for key, v in values.items()}
         estimators[name]["worst"] = {key: over(v, min if key in more_is_better else max) for key, v in values.items()}
     alone = {key: max(r[key] for r in results) for key in OF_THE_RUN if key in results[0]}
-    return {"estimators": estimators, **alone}
+    not_scored = {"not_scored": results[0]["not_scored"]} if "not_scored" in results[0] else {}
+    return {"estimators": estimators, **alone, **not_scored}
 
 
 def over(values: Sequence[Any], reduce: Callable[[Sequence[float]], float]) -> Any:

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from .claims import JudgedClaim, SeedStatistics
-from .scores import BASIC
+from .scores import BASIC, BASIC_WITHOUT_TRUTH
 
 HEADINGS = ("source", "scenario", "figure", "its claim", "its method here", "Milepost here", "optimum here", "target", "met")
 VERDICT = {True: "yes", False: "NO", None: "-"}
@@ -22,15 +22,23 @@ def estimator_table(result: dict[str, Any]) -> str:
 
 
 def _condition(result: dict[str, Any]) -> list[str]:
-    lines = [f"{'':14}" + "".join(f"{key:>18}" for key in BASIC)]
+    columns = tuple(BASIC_WITHOUT_TRUTH) if "not_scored" in result else BASIC
+    width = max(17, *map(len, columns)) + 1
+    lines = [f"{'':14}" + "".join(f"{key:>{width}}" for key in columns)]
     for name, figures in result["estimators"].items():
-        lines.append(f"{name:14}" + "".join(f"{figures[key]:18.5f}" for key in BASIC))
+        lines.append(f"{name:14}" + "".join(_cell(figures.get(key), width) for key in columns))
     for name, figures in result["estimators"].items():
-        asked = {key: value for key, value in figures.items() if key not in (*BASIC, "worst")}
-        if asked:
-            lines.append(f"{name}: " + ", ".join(f"{key} {shown(value)}" for key, value in asked.items()))
+        requested = {key: value for key, value in figures.items() if key not in (*columns, "worst")}
+        if requested:
+            lines.append(f"{name}: " + ", ".join(f"{key} {shown(value)}" for key, value in requested.items()))
+    if "not_scored" in result:
+        lines.append(result["not_scored"])
     alone = {key: value for key, value in result.items() if isinstance(value, (int, float))}
     return lines + [f"{key}: {value:.9g}" for key, value in alone.items() if key not in ("seed", "duration_s", "runs")]
+
+
+def _cell(figure: float | None, width: int) -> str:
+    return f"{'-':>{width}}" if figure is None else f"{figure:{width}.5f}"
 
 
 def claims_table(rows: Sequence[JudgedClaim]) -> str:
