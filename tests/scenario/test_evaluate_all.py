@@ -219,7 +219,7 @@ def test_a_mistake_that_a_worker_finds_is_still_one_line(tmp_path):
             "scores.refresh_hz.estimator: must be one of the scenario's estimators",
         ),
         ({"scores": {"diameter_error_percent_at_m": {"unit": "radar", "at_m": [1.0]}}}, ".unit: radar is no odometer of"),
-        ({"estimators": {"centralised": {}}}, "estimators.centralised: is what one of our own is called"),
+        ({"estimators": {"centralised": {}}}, "estimators.centralised: the name of a built-in estimator"),
         ({"scores": {"refresh_hz": {"unit": "radar"}}}, "scores.refresh_hz.unit: unknown key"),
         ({"scores": {"refresh_hz": {"within": "w"}}, "windows": {"w": "creep"}}, "the wheels of this world do not creep"),
         ({"windows": {"late": [[2.0, 1.0]]}}, "windows.late.0"),

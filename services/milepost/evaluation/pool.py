@@ -93,9 +93,10 @@ def _in_processes(tasks: Sequence[Task], jobs: int, progress: ProgressCallback) 
         manager.start(_end_with_parent)
     with manager, ProcessPoolExecutor(jobs, mp_context=spawn, initializer=_end_with_parent) as pool:
         done_s, stop = manager.list([0.0] * len(tasks)), manager.Event()
-        with _interrupt_held_back():
-            futures = [pool.submit(_work, place, task, done_s, stop) for place, task in enumerate(tasks)]
         try:
+            # an interrupt that was held back comes at the end of this block: the tasks must be cancelled then too
+            with _interrupt_held_back():
+                futures = [pool.submit(_work, place, task, done_s, stop) for place, task in enumerate(tasks)]
             _watch(futures, lambda: progress(sum(done_s)))
         except BaseException:
             # a worker looks at this each second of its scenario's time
