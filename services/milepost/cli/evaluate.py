@@ -79,7 +79,7 @@ def _check_output(file: Path | None) -> None:
 
 
 def _check_pictures(plot: Path | None, report: Path | None) -> None:
-    """What cannot be drawn or put anywhere is known before the work, not after it."""
+    """Whether pictures can be drawn and written. Raises ConfigError before any work."""
     if report is not None and report.exists() and not report.is_dir():
         raise ConfigError(report, "", "is not a folder")
     if (plot is not None or report is not None) and find_spec("matplotlib") is None:

@@ -1,4 +1,4 @@
-"""How a train file says where the world's motion comes from: a profile, a GNSS log, a recorded path."""
+"""The motion of the world in a train file: a speed profile, a GNSS log, a recorded path."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from milepost.track.line import Line
 from milepost_schemas import PositionReading
 from milepost_schemas.message import PositionM
 
-# two clocks that are read to a microsecond
+# times of recordings are good to a microsecond
 SAME_S = 1e-5
 Positive = Annotated[float, Field(gt=0.0)]
 
@@ -26,7 +26,7 @@ Positive = Annotated[float, Field(gt=0.0)]
 class WhiteJerkFile(BaseModel):
     """A simulated motion: a seeded white-jerk path around a speed profile of [time s, speed m/s] corners.
 
-    `corner_s`: how long a change of acceleration takes; a real train does not jerk as a sharp corner does.
+    `corner_s`: the time that a change of acceleration takes; sharp corners would be jerks that no real train makes.
     """
 
     model_config = STRICT
@@ -56,7 +56,7 @@ class WhiteJerkFile(BaseModel):
 
 
 class RecordedFile(BaseModel):
-    """A motion that a GNSS log's RTK fixes show; those within `untrusted_s` show none, whatever they call themselves.
+    """A motion that a GNSS log's RTK fixes show; fixes within `untrusted_s` are left out.
 
     `gnss_log`: a path, or a column map as a unit's `recording`.
     """
@@ -77,7 +77,7 @@ class RecordedFile(BaseModel):
         return self
 
     def build(self, line: Line, seed: int, until_s: float | None) -> Motion:  # noqa: ARG002
-        """The smooth motion through the fixes. Raises ValueError("field: ...") where they show none."""
+        """The smooth motion through the fixes. Raises ValueError("field: ...") for a log that gives none."""
         if line.track is None:
             raise ValueError("gnss_log: a recorded motion needs a line with geometry")
         try:
@@ -88,7 +88,7 @@ class RecordedFile(BaseModel):
         return _until(motion, until_s)
 
     def check_time_zero(self, unit: str, recording: RecordingOptions) -> None:
-        """Whether scenario time 0 is the same in a unit's recording, where both tell time by one clock. Raises ValueError."""
+        """Check that scenario time 0 is the same in a unit's recording, if both are on one clock. Raises ValueError."""
         own, other = self.gnss_log, recording.time
         one_column = own.file == recording.file and own.time.column == other.column
         if not (one_column or own.time.unit == other.unit == ISO):

@@ -1,4 +1,4 @@
-"""A scenario file made ready: every train of every condition loaded and everything checked, before any work."""
+"""A scenario file made ready: the trains of all conditions loaded, and everything checked before any work."""
 
 from __future__ import annotations
 
@@ -52,9 +52,9 @@ class RequestedScore:
 
 @dataclass(frozen=True)
 class Case:
-    """One condition: the scenario's own (`name` is empty) or a variant's, and the trains to be run under it.
+    """One condition: the scenario's own (`name` is empty) or a variant's, and the trains that run under it.
 
-    `comparators`: estimator → its train, those with nodes of their own beside the scenario's.
+    `comparators`: estimator → its train, for the estimators that run nodes of their own beside the scenario's train.
     """
 
     name: str
@@ -67,7 +67,7 @@ class Case:
 
     @property
     def runs(self) -> int:
-        """How many trains are run."""
+        """The number of trains that run."""
         return len(self.comparators) + 1
 
 
@@ -82,12 +82,12 @@ class Plan:
 
     @property
     def more_is_better(self) -> set[str]:
-        """The keys of figures of which the least is the worst."""
+        """The keys of the figures whose worst value is the smallest."""
         return {requested.key for requested in self.cases[0].requested if requested.score.more_is_better}
 
     @property
     def work_s(self) -> float:
-        """Seconds of scenario time to be run in all."""
+        """Seconds of scenario time that all trains run together."""
         return sum(case.runs for case in self.cases) * self.scenario.duration_s
 
 
@@ -200,7 +200,7 @@ def _check_claims(path: Path, scenario: ScenarioFile, trains: Mapping[str, Train
 
 
 def epochs_within(window: Window, trace: Trace, train: Train, world: World | None) -> Any:
-    """Which of a trace's epochs lie in a window: in one of its spans, or where the wheel of any unit creeps."""
+    """Which epochs of a trace lie in a window: in one of its spans, or wherever the wheel of a unit creeps."""
     if window != "creep":
         return np.any([(trace.t_s >= a) & (trace.t_s < b) for a, b in window], axis=0)
     creep = world.creep if world is not None else None

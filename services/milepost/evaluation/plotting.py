@@ -59,7 +59,7 @@ def _style(name: str, ours: str, colours: Iterator[str]) -> dict[str, Any]:
 
 
 def _limit(axes: Any, errors: Sequence[Any]) -> None:
-    """All errors and a little more: an interval far wider than they are would leave nothing of them to be seen."""
+    """Limit the axis to the errors and a margin: a much wider interval would flatten the curves."""
     sizes = [np.abs(error) for error in errors]
     reach = max(1.15 * max(float(size.max()) for size in sizes), 2.5 * max(float(np.quantile(size, 0.99)) for size in sizes))
     low, high = axes.get_ylim()

@@ -72,7 +72,7 @@ def reacquired_error_m(trace: Trace, train: Train, options: ReacquiredOptions) -
 
 
 def reacquired_outside_interval(trace: Trace, train: Train, options: ReacquiredOptions) -> int | None:
-    """How many of those fixes were outside the published position interval."""
+    """The number of those fixes outside the published position interval."""
     if trace.bounds is None:
         return None
     out = 0
@@ -103,7 +103,7 @@ def _reacquired(trace: Trace, train: Train, options: ReacquiredOptions) -> Itera
 
 
 def false_fixes_accepted(trace: Trace, train: Train, options: FixesOptions) -> int | None:  # noqa: ARG001
-    """How many untrusted fixes reached the fuser as observations; None where nothing was counted."""
+    """The number of untrusted fixes that reached the fuser as observations; None where no observation of the unit did."""
     counted = trace.counted.get(options.unit)
     return None if counted is None else sum(_within(t_s, options.untrusted_s) for t_s in counted.tolist())
 

@@ -1,4 +1,4 @@
-"""THE TABLE OF SCORES: figures that a scenario may ask for beside the basic ones, each a function of one estimator's trace."""
+"""THE TABLE OF SCORES: figures that a scenario may request beside the basic ones, each a function of one estimator's trace."""
 
 from __future__ import annotations
 
@@ -29,13 +29,13 @@ BASIC = ("position_rms_m", "position_max_m", "position_final_m", "speed_rms_mps"
 
 
 class NoOptions(BaseModel):
-    """A score that needs to be told nothing."""
+    """A score without options."""
 
     model_config = STRICT
 
 
 class UnitOptions(BaseModel):
-    """A score of one unit, at distances from where the run begins."""
+    """A score of one unit, at distances from the start of the run."""
 
     model_config = STRICT
     unit: str
@@ -73,7 +73,7 @@ def basic(trace: Trace, speed_after_s: float) -> dict[str, float]:
     """Root mean square, maximum and final errors; speed counts from `speed_after_s` on.
 
     `nees_mean` is the mean of e P⁻¹ eᵀ over [s, v, a]: 3 for a consistent estimator. Without a truth: what the estimator
-    states of its own errors, and how often it speaks.
+    states of its own errors, and how often it publishes.
     """
     if trace.truth is None:
         found = {key: BASIC_WITHOUT_TRUTH[key](trace) for key in BASIC_WITHOUT_TRUTH}
@@ -94,7 +94,7 @@ def nees_mean(trace: Trace) -> float:
 
 
 def outside_interval(trace: Trace) -> float | None:
-    """The part of all epochs at which the true position or speed is outside its published interval."""
+    """The fraction of the epochs at which the true position or speed is outside its published interval."""
     if trace.bounds is None:
         return None
     s, v, (low, high, slow, fast) = trace.true_states[:, 0], trace.true_states[:, 1], trace.bounds.T
@@ -112,7 +112,7 @@ def mean_stated_std(trace: Trace, state: int) -> float:
 
 
 def refresh_hz(trace: Trace) -> float | None:
-    """Live states sent, for each second from the first to the last."""
+    """Live states per second, from the first to the last."""
     if trace.sent_s is None or len(trace.sent_s) < 2:
         return None
     return float((len(trace.sent_s) - 1) / (trace.sent_s[-1] - trace.sent_s[0]))
@@ -126,7 +126,7 @@ def longest_gap_s(trace: Trace) -> float | None:
 
 
 def diameter_error_percent_at_m(trace: Trace, train: Train, options: UnitOptions) -> dict[str, float] | None:
-    """How far the estimated wheel diameter, told · (1 + κ̂), is off the true one, each so many metres travelled."""
+    """The error of the estimated wheel diameter, nominal · (1 + κ̂), in percent of the true one, at distances travelled."""
     scale = trace.private.get(f"{options.unit}.scale")
     if scale is None:
         return None
@@ -140,13 +140,13 @@ def diameter_error_percent_at_m(trace: Trace, train: Train, options: UnitOptions
 
 
 def estimated_diameter_m(train: Train, unit: str, scale: Array) -> Array:
-    """The diameter that a scale κ stands for: 1 + κ times what the odometer is told."""
-    told: float = _odometer(train, unit).diameter_m
-    return told * (1.0 + scale)
+    """The diameter at a scale κ: 1 + κ times the diameter in the odometer's options."""
+    nominal_m: float = _odometer(train, unit).diameter_m
+    return nominal_m * (1.0 + scale)
 
 
 def true_diameter_m(train: Train, unit: str, t_s: Array) -> Array | None:
-    """The simulated wheel's diameter, wear included; None where the train file leaves it to chance."""
+    """The simulated wheel's diameter, wear included; None where it is drawn."""
     wheel = _odometer(train, unit).simulated
     return None if wheel.diameter_m is None else wheel.diameter_m - wheel.wear_mps * t_s
 
@@ -156,7 +156,7 @@ def _odometer(train: Train, unit: str) -> Any:
 
 
 def gap_error_m(trace: Trace, train: Train, options: GapsOptions) -> dict[str, float]:  # noqa: ARG001
-    """How much the position error grew over each gap in the run: |error at its end - error at its beginning|."""
+    """The growth of the position error over each gap in the run: |error at its end - error at its start|."""
     first, last = trace.t_s[0], trace.t_s[-1]
     gaps = {name: span for name, span in options.gaps.items() if first <= span[0] and span[1] <= last}
     at = {name: np.interp(span, trace.t_s, trace.errors[:, 0]) for name, span in gaps.items()}
@@ -164,14 +164,14 @@ def gap_error_m(trace: Trace, train: Train, options: GapsOptions) -> dict[str, f
 
 
 def private_at_end(trace: Trace, train: Train, options: StatesOptions) -> list[float] | None:  # noqa: ARG001
-    """Private states as they stand at the end."""
+    """The private states at the end."""
     if not all(name in trace.private for name in options.states):
         return None
     return [float(trace.private[name][-1]) for name in options.states]
 
 
 def private_std_at_end(trace: Trace, train: Train, options: StatesOptions) -> list[float] | None:  # noqa: ARG001
-    """What the estimator states of their errors there, as standard deviations."""
+    """The standard deviations that the estimator states of the private states at the end."""
     if not all(name in trace.private_std for name in options.states):
         return None
     return [float(trace.private_std[name][-1]) for name in options.states]

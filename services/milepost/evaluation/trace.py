@@ -1,4 +1,4 @@
-"""One estimator's run beside the truth, as arrays."""
+"""The run of one estimator as arrays, beside the truth where there is one."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ class Trace:
         return travelled
 
     def within(self, inside: Any) -> Trace:
-        """The epochs for which `inside` (K, of booleans) says so."""
+        """The epochs for which `inside` (K booleans) is true."""
         return replace(
             self,
             t_s=self.t_s[inside],
@@ -107,7 +107,7 @@ def trace_of_states(
     private: Mapping[int, tuple[list[float], list[float]]],
     names: Sequence[str],
 ) -> Trace:
-    """A trace of a fuser's messages: `states` are scored, `live` ones tell when they were sent, `private` what went back.
+    """A trace of a fuser's messages: `states` are scored, `live` gives the times of sending, `private` the private states.
 
     Raises ValueError as `trace_of_beliefs` does.
     """
@@ -130,7 +130,7 @@ def trace_of_states(
 def _between(
     private: Mapping[int, tuple[list[float], list[float]]], t_s: Array, start_ns: int
 ) -> tuple[list[Array], list[Array]]:
-    """Means and standard deviations (K) of each private state: not every state goes back, so between those that do."""
+    """Means and standard deviations (K) of each private state, linear between the epochs that sent feedback."""
     epochs_s = [(at - start_ns) * S_PER_NS for at in private]
     columns = np.array(list(private.values())).transpose(1, 2, 0) if private else np.empty((2, 0, 0))
     return [np.interp(t_s, epochs_s, m) for m in columns[0]], [np.interp(t_s, epochs_s, np.sqrt(v)) for v in columns[1]]

@@ -1,4 +1,4 @@
-"""Fixes that no filter saw, compared with the state afterwards."""
+"""Fixes that are withheld from the filters, compared with the state afterwards."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A user's own log as readings of any kind of sensor: the rows of its CSV file by the train file's column map."""
+"""A CSV log as readings of any kind of sensor, by the column map of the train file."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ from .table import Cell, read_table
 from .units import factor, unit_of
 
 TIME = "time"
-# valid values of the fields that every message has, to see whether a row's own make a message
+# valid values of the fields that every message has, to check a row's own fields
 HEAD: dict[str, Any] = {"train": "t", "unit": "u", "instance": "i", "sequence": 0, "measured_at_ns": 1, "published_at_ns": 1}
-# the fields that say over how long a reading is a mean
+# the fields for the time over which a reading is a mean
 INTERVALS = ("interval_s", "mean_over_s")
 
 
@@ -34,7 +34,7 @@ class Recorded(NamedTuple):
 
 
 def check_map(options: RecordingOptions, message: type[Message]) -> None:
-    """Whether a map can make messages. Raises ValueError for a field that is not theirs, one that lacks, and a wrong unit."""
+    """Check that a map makes valid messages. Raises ValueError for an unknown field, a missing one, and a wrong unit."""
     known = {name: field for name, field in message.model_fields.items() if name not in Message.model_fields}
     given = [*options.columns, *options.constants]
     for name in given:
@@ -78,7 +78,7 @@ def _holds(annotation: Any, kind: type) -> bool:
 
 
 def _as_field(value: Any, field: FieldInfo) -> Any:
-    """A constant written as a whole number, 1, where the field is a measure: a mean must not take it for a count."""
+    """A constant as the field's type: 1 for a real quantity becomes 1.0, which `averaged` would else take for a count."""
     whole = isinstance(value, int) and not isinstance(value, bool)
     return float(value) if whole and _holds(field.annotation, float) else value
 
@@ -108,7 +108,7 @@ def _count(text: str) -> int:
 
 
 def time_zero_s(options: RecordingOptions) -> float:
-    """What the column of times says at scenario time 0, in seconds. Raises ValueError and OSError where the file does not."""
+    """The time in the time column at scenario time 0, in seconds. Raises ValueError and OSError for a file without one."""
     if options.time.zero_s is not None:
         return options.time.zero_s
     first = next(read_table(options.file, {TIME: Cell(options.time.column, options.time.seconds)}), None)
@@ -143,7 +143,7 @@ class ColumnMap:
             yield Recorded(at, Measured(at, self._fields(values)), line)
 
     def check(self, reading: Measured, place: str) -> None:
-        """Whether a reading makes a message. Raises ValueError naming file, `place` and field."""
+        """Check that a reading makes a valid message. Raises ValueError naming file, `place` and field."""
         try:
             self._message(**HEAD, **reading.fields)
         except ValidationError as error:
@@ -186,8 +186,8 @@ class CsvSource:
     """The readings of a recording from scenario time `from_s` on, at their own pace, read as they are needed.
 
     A row that is not after the one before is skipped: `skipped` counts them, and `told` has the place of the first.
-    The whole file is looked through first. Raises ValueError, naming file, line and column, for a row that cannot be
-    read, and where what the map makes of the first row is no message.
+    The whole file is checked first. Raises ValueError naming file, line and column for a row that cannot be read, and
+    naming the field for a first reading that is not a valid message.
     """
 
     def __init__(self, options: RecordingOptions, message: type[Message], from_s: float) -> None:
@@ -204,7 +204,7 @@ class CsvSource:
             table.check(self._next.reading, "the first reading")
 
     def next_s(self) -> float | None:
-        """When the next reading is ready."""
+        """The time at which the next reading is ready; None after the last."""
         return None if self._next is None else self._next.ready_s
 
     def read(self) -> Measured | None:
@@ -223,15 +223,15 @@ class CsvSource:
             self.told.setdefault("out_of_order", f"{self._file}: line {row.line}: {self._column}: not after the row before")
 
 
-def _mean_of(name: str, said: list[Any]) -> Any:
-    last, n = said[-1], len(said)
+def _mean_of(name: str, values: list[Any]) -> Any:
+    last, n = values[-1], len(values)
     if isinstance(last, list):
-        return [sum(column) / n for column in zip(*said, strict=True)]
+        return [sum(column) / n for column in zip(*values, strict=True)]
     if not isinstance(last, float):
         return last
     if name == "course_deg":
-        return math.degrees(math.atan2(*(sum(f(math.radians(a)) for a in said) for f in (math.sin, math.cos)))) % 360.0
-    mean = sum(said) / n
+        return math.degrees(math.atan2(*(sum(f(math.radians(a)) for a in values) for f in (math.sin, math.cos)))) % 360.0
+    mean = sum(values) / n
     if "variance" in name.split("_"):
         return mean / n
     return mean / math.sqrt(n) if "std" in name.split("_") else mean

@@ -1,4 +1,4 @@
-"""A log of GNSS fixes as a list, read strictly: for those who take it for the truth."""
+"""A log of GNSS fixes as a list, read strictly, as a truth must be."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from .column_map import ColumnMap, Recorded
 from .column_options import RecordingOptions
 from .truth_rows import TruthRow, in_order
 
-# how receivers name their solutions in a log, and what each means
+# the solutions by the words of receivers
 SOLUTIONS = {
     "NARROW_INT": "rtk_fixed",
     "WIDE_INT": "rtk_fixed",
@@ -49,7 +49,7 @@ GnssLog = Annotated[RecordingOptions, BeforeValidator(with_default_columns)]
 
 @dataclass(frozen=True, slots=True)
 class RecordedFix:
-    """A fix of a log, on scenario time; `line` is where it stands in the file, 0 where it comes from none."""
+    """A fix of a log, on scenario time; `line` is its line in the file, 0 for a fix that is not from a file."""
 
     t_s: float
     latitude_deg: float

@@ -1,4 +1,4 @@
-"""The order of the rows that a truth is made of: one place at a time, time going forward."""
+"""The order of the rows of a truth: times increase, and each time has one position."""
 
 from __future__ import annotations
 
@@ -8,21 +8,22 @@ from typing import NamedTuple
 
 
 class TruthRow(NamedTuple):
-    """A row of a recording: its line in the file, its time, and where it says the train was, in any coordinates."""
+    """A row of a recording: its line in the file, its time, and its position in any coordinates."""
 
     line: int
     t_s: float
     place: tuple[float, ...]
 
     def named(self, file: Path) -> str:
-        """How an error names the row."""
+        """The row's name in an error."""
         return f"{file}: line {self.line} ({self.t_s:.10g} s)"
 
 
 def in_order(file: Path, rows: Iterable[TruthRow]) -> list[TruthRow]:
-    """The rows at increasing times; one that repeats time and place of the row before it is left out.
+    """The rows at increasing times, without those that repeat time and position of the row before.
 
-    Raises ValueError naming file, line and time of a row that goes back in time, or is at another place at the same time.
+    Raises ValueError naming file, line and time of a row that is earlier than the row before, or at its time and at another
+    position.
     """
     out: list[TruthRow] = []
     for row in rows:

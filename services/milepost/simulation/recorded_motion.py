@@ -1,4 +1,4 @@
-"""The motion that a recording shows: of GNSS fixes that can be trusted, or of a recorded path."""
+"""The motion that a recording gives: of trusted GNSS fixes, or of a recorded path."""
 
 from __future__ import annotations
 
@@ -18,19 +18,19 @@ from milepost.track.track import Track
 
 from .motion import KnotMotion
 
-# another part of the track that is nearer than this to being as near as the nearest makes a chainage ambiguous
+# a chainage is ambiguous if another part of the track is at most this much farther than the nearest
 AMBIGUOUS_M = 1.0
-# parts of the track this far apart are other parts; points between which to look are less than AMBIGUOUS_M apart
+# chainages this far apart are different parts of the track, which is sampled more densely than AMBIGUOUS_M
 APART_M = 20.0
 SAMPLE_M = 0.5
-# within so many seconds no train goes round a curve that is longer than this many times its chord
+# within this time the path of a train is at most so many times as long as its chord
 STRAIGHT_S = 10.0
 LONGEST_DETOUR = 1.5
 DEGREE_M = 111_200.0
 
 
 def smooth_motion(file: Path, fixes: Sequence[RecordedFix], track: Track, fix_std_m: float, jerk_psd: float) -> KnotMotion:
-    """The motion that a log's RTK-fixed positions show: a Rauch-Tung-Striebel smoother over their chainages.
+    """The motion through a log's RTK-fixed positions: a Rauch-Tung-Striebel smoother over their chainages.
 
     `fixes`: at increasing times, from `file`. Forward: the Kalman filter of `estimation.kalman` with z = chainage,
     R = `fix_std_m`². Backward, from the last fix: C = P_k Fᵀ P̄_{k+1}⁻¹, x_k ← x_k + C (x_{k+1} - x̄_{k+1}). Gaps in the fixes
@@ -39,7 +39,7 @@ def smooth_motion(file: Path, fixes: Sequence[RecordedFix], track: Track, fix_st
     """
     good = [fix for fix in fixes if fix.solution == "rtk_fixed"]
     if len(good) < 4:
-        raise ValueError(f"{file}: fewer than four RTK-fixed positions: they show no motion")
+        raise ValueError(f"{file}: fewer than four RTK-fixed positions")
     times = np.array([fix.t_s for fix in good])
     rows = [TruthRow(fix.line, fix.t_s, (fix.latitude_deg, fix.longitude_deg)) for fix in good]
     chainage = chainages(file, rows, track)
@@ -63,7 +63,7 @@ def smooth_motion(file: Path, fixes: Sequence[RecordedFix], track: Track, fix_st
         C = np.linalg.solve(P_bar, F @ after[k][1]).T
         smooth.append(after[k][0] + C @ (smooth[-1] - x_bar))
     knots = np.array(smooth[::-1])
-    # before the first trustworthy fix the train is carried back at its first speed, so that time starts at 0
+    # before the first trusted fix the motion is extrapolated backwards, so that it begins at time 0
     if times[0] > 0.0:
         s, v, a = knots[0]
         t = -times[0]
@@ -89,7 +89,7 @@ def path_motion(file: Path, track: Track) -> KnotMotion:
         rows.append(TruthRow(line, t_s, tuple(place)))
     rows = in_order(file, rows)
     if len(rows) < 4:
-        raise ValueError(f"{file}: four rows at least are needed")
+        raise ValueError(f"{file}: fewer than four rows")
     table = np.array([row.place for row in rows])
     longitude, latitude, _ = pyproj.Transformer.from_crs("EPSG:4978", "EPSG:4979", always_xy=True).transform(*table[:, :3].T)
     placed = [row._replace(place=at) for row, at in zip(rows, zip(latitude, longitude, strict=True), strict=True)]
@@ -123,7 +123,7 @@ def _check_one_place(
     tree = shapely.STRtree(shapely.points(track_xy))
     near = tree.query(shapely.points(xy), predicate="dwithin", distance=off + AMBIGUOUS_M)
     for k, i in zip(*near.tolist(), strict=True):
-        # the farther off the track, the longer is the part of it that is about as near
+        # the farther the point is from the track, the longer is the part of the track that is about as near
         if abs(samples[i] - s[k]) > APART_M + 2.0 * off[k]:
             where = f"{s[k]:.0f} m and {samples[i]:.0f} m of the line are equally near"
             raise ValueError(f"{rows[k].named(file)}: the chainage is ambiguous: {where}")
