@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -11,15 +11,12 @@ import numpy as np
 from milepost.config.train import Train
 from milepost.estimation.centralised import Reading
 from milepost.estimation.layout import N_COMMON, PLACES_OF_COMMON, Array, Layout
-from milepost.estimation.timeline import Observation
+from milepost.estimation.observation import Observation
 from milepost.nodes.base import Output
 from milepost.nodes.observations import POSITION, of_fix, of_reading
 from milepost.offline.memory_bus import Tap
-from milepost.sensors.base import Belief, Observed, Sensor
-from milepost.sensors.odometer.odometer import Odometer
+from milepost.sensors.base import Belief, Observer
 from milepost_schemas import AbsoluteFix, Estimate, Feedback, FusedState, Gaussian, Message, Truth
-
-Observe = Callable[[Any, Belief | None], Sequence[Observed]]
 
 
 class PrivateStates(NamedTuple):
@@ -40,8 +37,8 @@ class RunLog:
     """The truth, readings and fixes, states and private states of one offline run. `truth` is empty where there is none.
 
     `private`: epoch → (means, variances), in the order of the train's layout: as they went back with the feedback, or, where
-    the rule fuses none, as each filter believed. `counted`: unit → time → variance of the observations that its filter sent
-    to the fuser; of the first one, where a reading gives several.
+    the rule fuses none, as each filter believed. `counted`: unit → the times of the observations that its filter sent to the
+    fuser.
     """
 
     train: Train
@@ -51,7 +48,7 @@ class RunLog:
     live: dict[int, FusedState] = field(default_factory=dict)
     settled: dict[int, FusedState] = field(default_factory=dict)
     private: dict[int, tuple[list[float], list[float]]] = field(default_factory=dict)
-    counted: dict[str, dict[int, float]] = field(default_factory=dict)
+    counted: dict[str, set[int]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self._orders = {unit: order for order, unit in enumerate(self.train.sensors)}
@@ -71,9 +68,7 @@ class RunLog:
         elif isinstance(message, Estimate):
             if message.unit in self._believed:
                 self._believed[message.unit] = private_part(message.belief)
-            variances = self.counted.setdefault(message.unit, {})
-            for o in message.observations:
-                variances.setdefault(o.measured_at_ns, o.variance)
+            self.counted.setdefault(message.unit, set()).update(o.measured_at_ns for o in message.observations)
         elif isinstance(message, AbsoluteFix):
             self.readings.append((self._orders[message.reader], message))
         elif output.stream.endswith("_reading"):
@@ -91,33 +86,12 @@ class RunLog:
         """Take one settled state."""
         self.settled[state.measured_at_ns] = state
 
-    def verdict(self, unit: str, measured_at_ns: int) -> float | None:
-        """The variance at which a unit's filter let the reading of a time count; None where it did not."""
-        return self.counted.get(unit, {}).get(measured_at_ns)
-
-    def _observers(self) -> dict[str, Observe]:
-        """Who observes in a centralised pass: observers of its own, but for wheels the judgement of the run itself.
-
-        Whether a wheel slips is judged against the fused speed. A pass that judged by its own belief would have to be right
-        before it may doubt: one wrong verdict, and it is sure of the wrong speed.
-        """
-        return {
-            unit: self._as_judged(sensor) if isinstance(sensor, Odometer) else sensor.observer().observe
-            for unit, sensor in self.train.sensors.items()
-        }
-
-    def _as_judged(self, sensor: Sensor[Any]) -> Observe:
-        def observe(reading: Any, belief: Belief | None) -> Sequence[Observed]:
-            variance = self.verdict(sensor.unit, reading.measured_at_ns)
-            if variance is None:
-                return ()
-            return [Observed(seen.row, seen.value, variance) for seen in sensor.observe(reading, belief)]
-
-        return observe
-
     def centralised_readings(self, unit: str | None = None) -> list[Reading]:
-        """Readings and fixes for a centralised pass; of one unit, or of all."""
-        observers = self._observers()
+        """Readings and fixes for a centralised pass, of one unit or of all, observed and judged at the belief of that pass.
+
+        The fuser judges the readings in the same way, in the order of time at its own belief, so that both count the same ones.
+        """
+        observers = {name: sensor.observer() for name, sensor in self.train.sensors.items()}
         return [
             _reading(order, message, observers)
             for order, message in self.readings
@@ -126,7 +100,7 @@ class RunLog:
 
     def begins_ns(self, mean: Array, covariance: Array, layout: Layout) -> int | None:
         """The time of the earliest reading that counts, given the prior over all states: there the prior sits."""
-        observers = self._observers()
+        observers = {name: sensor.observer() for name, sensor in self.train.sensors.items()}
         for order, message in sorted(self.readings, key=lambda entry: (entry[1].measured_at_ns, entry[0], entry[1].sequence)):
             reading = _reading(order, message, observers)
             own = list(layout.indices.get(reading.unit, PLACES_OF_COMMON))
@@ -146,11 +120,11 @@ class RunLog:
         return out
 
 
-def _reading(order: int, message: Any, observers: Mapping[str, Observe]) -> Reading:
+def _reading(order: int, message: Any, observers: Mapping[str, Observer]) -> Reading:
     if isinstance(message, AbsoluteFix):
         o = of_fix(message, order)
         rows = [(POSITION, o.value, o.variance)]
-        return Reading(*o[:4], message.reader, lambda mean, covariance: rows)  # noqa: ARG005
-    observe = observers[message.unit]
+        return Reading(o.measured_at_ns, order, o.sequence, o.instance, message.reader, lambda mean, covariance: rows)  # noqa: ARG005
+    observe = observers[message.unit].observe
     head = (message.measured_at_ns, order, message.sequence, message.instance)
     return Reading(*head, message.unit, lambda mean, covariance: observe(message, Belief(mean, covariance)))

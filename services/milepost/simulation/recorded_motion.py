@@ -20,9 +20,8 @@ from .motion import KnotMotion
 
 # a chainage is ambiguous if another part of the track is at most this much farther than the nearest
 AMBIGUOUS_M = 1.0
-# chainages this far apart are different parts of the track, which is sampled more densely than AMBIGUOUS_M
+# chainages this far apart are different parts of the track
 APART_M = 20.0
-SAMPLE_M = 0.5
 # within this time the path of a train is at most so many times as long as its chord
 STRAIGHT_S = 10.0
 LONGEST_DETOUR = 1.5
@@ -104,37 +103,26 @@ def chainages(file: Path, rows: Sequence[TruthRow], track: Track) -> Array:
     Raises ValueError naming file, line and time of a row whose chainage is ambiguous, because another part of the track is
     as near, and of one to which the chainage jumps although the position does not.
     """
-    places = np.array([row.place for row in rows])
-    seen = [track.project(latitude, longitude) for latitude, longitude in places]
-    s, off = (np.array([getattr(each, name) for each in seen]) for name in ("position_m", "cross_track_m"))
-    samples = np.arange(0.0, track.length_m, SAMPLE_M)
-    plane = _Plane(*places.mean(axis=0))
-    xy = plane.of(places)
-    _check_one_place(file, rows, xy, s, off, samples, plane.of(np.array([track.locate(at) for at in samples])))
-    _check_steps(file, rows, xy, s)
+    s = np.array([_chainage(file, row, track) for row in rows])
+    places, times = np.array([row.place for row in rows]), np.array([row.t_s for row in rows])
+    moved, along = np.hypot(*np.diff(_Plane(*places.mean(axis=0)).of(places), axis=0).T), np.abs(np.diff(s))
+    jumps = (along > LONGEST_DETOUR * moved + APART_M) & (np.diff(times) <= STRAIGHT_S)
+    for k in np.flatnonzero(jumps).tolist():
+        text = f"the chainage jumps from {s[k]:.0f} m to {s[k + 1]:.0f} m, the position moves by {moved[k]:.1f} m"
+        raise ValueError(f"{rows[k + 1].named(file)}: {text}")
     return s
 
 
-def _check_one_place(
-    file: Path, rows: Sequence[TruthRow], xy: Array, s: Array, off: Array, samples: Array, track_xy: Array
-) -> None:
-    import shapely  # slow to import, and few trains have a recorded truth
-
-    tree = shapely.STRtree(shapely.points(track_xy))
-    near = tree.query(shapely.points(xy), predicate="dwithin", distance=off + AMBIGUOUS_M)
-    for k, i in zip(*near.tolist(), strict=True):
-        # the farther the point is from the track, the longer is the part of the track that is about as near
-        if abs(samples[i] - s[k]) > APART_M + 2.0 * off[k]:
-            where = f"{s[k]:.0f} m and {samples[i]:.0f} m of the line are equally near"
-            raise ValueError(f"{rows[k].named(file)}: the chainage is ambiguous: {where}")
-
-
-def _check_steps(file: Path, rows: Sequence[TruthRow], xy: Array, s: Array) -> None:
-    times = np.array([row.t_s for row in rows])
-    moved, along, dt = np.hypot(*np.diff(xy, axis=0).T), np.abs(np.diff(s)), np.diff(times)
-    for k in np.flatnonzero((along > LONGEST_DETOUR * moved + APART_M) & (dt <= STRAIGHT_S)).tolist():
-        text = f"the chainage jumps from {s[k]:.0f} m to {s[k + 1]:.0f} m, the position moves by {moved[k]:.1f} m"
-        raise ValueError(f"{rows[k + 1].named(file)}: {text}")
+def _chainage(file: Path, row: TruthRow, track: Track) -> float:
+    latitude, longitude = row.place
+    nearest = track.project(latitude, longitude)
+    off = abs(nearest.cross_track_m)
+    # the farther the point is from the track, the longer is the part of the track that is about as near
+    legs = track.legs(latitude, longitude, off + AMBIGUOUS_M, APART_M + 2.0 * off)
+    if len(legs) > 1:
+        where = f"{legs[0].position_m:.0f} m and {legs[1].position_m:.0f} m of the line are equally near"
+        raise ValueError(f"{row.named(file)}: the chainage is ambiguous: {where}")
+    return nearest.position_m
 
 
 class _Plane:
