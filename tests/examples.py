@@ -10,6 +10,8 @@ from typing import Any
 import yaml
 from pydantic import BaseModel
 
+from milepost.recordings.column_options import RecordingOptions
+from milepost.recordings.gnss_log import with_default_columns
 from milepost.recordings.measured import Measured, Source
 from milepost.sensors import SENSORS
 from milepost.sensors.base import World
@@ -236,6 +238,11 @@ def sensor(kind: str, line: Line, unit: str = "unit", **options: Any) -> Any:
     """A sensor of a kind on a line."""
     row = SENSORS[kind]
     return row(unit, row.options_model.model_validate({**options_of(kind), **options}), line)
+
+
+def gnss_log(path: Path) -> RecordingOptions:
+    """A log with the default columns, as a train file's bare path means it."""
+    return RecordingOptions.model_validate(with_default_columns(path))
 
 
 def all_readings(source: Source) -> list[Measured]:

@@ -12,7 +12,7 @@ import numpy as np
 import pyproj
 import pytest
 
-from examples import T0, all_readings, head, sensor
+from examples import T0, all_readings, gnss_log, head, sensor
 from milepost.estimation.motion import process_noise, transition
 from milepost.recordings.gnss_log import read_gnss_log
 from milepost.recordings.measured import Measured
@@ -497,7 +497,7 @@ def test_on_real_trains_sound_fixes_count_and_false_not(log: str, least: int, go
     track = Track([(p[0], p[1]) for p in geometry.get("geometry", geometry)["coordinates"]])
     observer = gnss(line(track=track)).observer()
     counted = []
-    for f in read_gnss_log(DATA / f"log_{log}_gnss.csv"):
+    for f in read_gnss_log(gnss_log(DATA / f"log_{log}_gnss.csv")):
         place = {"latitude_deg": f.latitude_deg, "longitude_deg": f.longitude_deg, "solution": f.solution}
         message = PositionReading(**head("gnss", measured_at_ns=T0 + round(f.t_s * 1e9)), **place)
         if observer.observe(message, None):

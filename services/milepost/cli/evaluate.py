@@ -35,6 +35,8 @@ def run_evaluate(
         _check_output(file)
     _check_pictures(plot, report)
     plan = make_plan(path, seed)
+    if plot is not None and plan.cases[0].train.file.world is None:
+        raise ConfigError("evaluate", "--plot", f"errors need a truth, and {plan.cases[0].train.path} has no `world`")
     keep = plot is not None or report is not None
     done = _work([plan], runs or 1, jobs, keep, record)[0]
     if plot is not None and done.traces is not None:
@@ -77,7 +79,7 @@ def _check_output(file: Path | None) -> None:
 
 
 def _check_pictures(plot: Path | None, report: Path | None) -> None:
-    """What cannot be drawn or put anywhere is known before the work, not after it."""
+    """Whether pictures can be drawn and written. Raises ConfigError before any work."""
     if report is not None and report.exists() and not report.is_dir():
         raise ConfigError(report, "", "is not a folder")
     if (plot is not None or report is not None) and find_spec("matplotlib") is None:

@@ -38,7 +38,7 @@ def run_up(
     """Start everything, show it, end it. Raises ConfigError before anything starts."""
     train = load_train(train_file)
     # every process is built once here: what a recording or a motion spoils shows before anything starts
-    setting = Setting("up", train.world(duration_s) if train.file.world is not None else None)
+    setting = Setting.of(train, "up", duration_s)
     for process in processes(train):
         ROLES[process.role].build(train, process.unit, setting)
     if report is not None and not report.parent.is_dir():

@@ -34,13 +34,21 @@ from .yaml_files import ConfigError
 class Setting:
     """What a node is built for: an instance's name and, on a simulated train, its world and where scenario time stands.
 
-    `start_ns` is the UTC time of scenario time 0, `from_s` the scenario time at which the process begins.
+    `start_ns` is the UTC time of scenario time 0, `from_s` the scenario time at which the process begins, `until_s` the
+    scenario time at which recordings end, where they do not end before.
     """
 
     instance: str
     world: World | None = None
     start_ns: int = 0
     from_s: float = 0.0
+    until_s: float | None = None
+
+    @classmethod
+    def of(cls, train: Train, instance: str, until_s: float | None, start_ns: int = 0) -> Setting:
+        """A train's: scenario time ends at `until_s`, or where its line or its recordings end. Raises ConfigError."""
+        world = train.world(until_s) if train.file.world is not None else None
+        return cls(instance, world, start_ns, until_s=until_s)
 
 
 @dataclass(frozen=True)
@@ -56,11 +64,12 @@ class Role:
 
 
 def _world(train: Train, unit: str, setting: Setting) -> Node:  # noqa: ARG001
-    if setting.world is None:
+    if setting.world is None and not train.replayed_units:
         raise ConfigError(train.path, "world", "needed for the role `world`")
-    return WorldNode(
-        train.name, setting.instance, setting.world.motion, setting.start_ns, train.file.fusion.period_ms * 1_000_000
-    )
+    motion = setting.world.motion if setting.world is not None else None
+    end_s = motion.end_s if motion is not None else min(train.recorded_end_s, setting.until_s or math.inf)
+    period_ns = train.file.fusion.period_ms * 1_000_000
+    return WorldNode(train.name, setting.instance, motion, end_s, setting.start_ns, period_ns)
 
 
 def _sensor(train: Train, unit: str, setting: Setting) -> Node:
@@ -159,6 +168,10 @@ def _judge(train: Train, unit: str) -> UnitJudge | None:
     return UnitJudge(observer, BY_NAME[sensor.stream].message)
 
 
+def _world_units(train: Train) -> list[str]:
+    return ["world"] if train.has_scenario_time else []
+
+
 def _one(name: str) -> Callable[[Train], list[str]]:
     return lambda train: [name]  # noqa: ARG005
 
@@ -172,7 +185,7 @@ ROLES: dict[str, Role] = {
             "balise", "telegrams into absolute fixes", False, False, lambda t: ["balise"] if t.balise_readers else [], _balise
         ),
         Role("sensor", "a unit's readings", True, True, lambda t: list(t.sensors), _sensor),
-        Role("world", "the simulated train's time and truth", False, True, lambda t: ["world"] if t.file.world else [], _world),
+        Role("world", "scenario time, and the truth where there is one", False, True, _world_units, _world),
     )
 }
 

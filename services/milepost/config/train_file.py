@@ -96,7 +96,7 @@ class FusionFile(BaseModel):
 
 
 class WorldFile(BaseModel):
-    """The train that is not there. Absent on a real train."""
+    """The train that is not there. Absent on a real train, and where recordings are replayed without a truth."""
 
     model_config = STRICT
     seed: Annotated[int, Field(ge=0)] = 1

@@ -19,6 +19,7 @@ from milepost.config.yaml_files import ConfigError
 from milepost.estimation.time_units import NS_PER_S
 from milepost.nodes.base import Node
 from milepost.nodes.fuser import FuserNode
+from milepost.nodes.world import WorldNode
 from milepost.offline.collector import rare_collection
 from milepost_schemas import Feedback, SimulationStart
 
@@ -68,9 +69,9 @@ def run_process(train: Train, role_name: str, unit: str, options: ProcessOptions
     set_up_log(name)
     world = train.world(options.duration_s) if role.uses_world and train.file.world else None
     # built once before anything is declared, so that a mistake in the configuration shows before anything starts
-    # without a world scenario time is UTC, and begins now
-    from_s = 0.0 if train.file.world else Clock().now_ns() / NS_PER_S
-    node = role.build(train, unit, Setting(instance, world, from_s=from_s))
+    # where nobody owns scenario time it is UTC, and begins now
+    from_s = 0.0 if train.has_scenario_time else Clock().now_ns() / NS_PER_S
+    node = role.build(train, unit, Setting(instance, world, from_s=from_s, until_s=options.duration_s))
     # opening waits for a router inside Zenoh, where Python cannot see a signal
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     with open_session(zenoh_config.client(options.endpoints)) as session:
@@ -80,13 +81,13 @@ def run_process(train: Train, role_name: str, unit: str, options: ProcessOptions
         bus.declare_alive(name, instance)
         kept: Any = None
         start: SimulationStart | None = None
-        if role_name == "world" and world is not None:
+        if isinstance(node, WorldNode):
             others = {p.name for p in processes(train)} - {name}
             if not scenario_time.wait_for_processes(bus, others):
                 return
-            start = scenario_time.choose_start(world.motion.end_s, options.speed)
+            start = scenario_time.choose_start(node.end_s, options.speed)
             kept = scenario_time.announce(bus, start)
-        elif train.file.world is not None:
+        elif train.has_scenario_time:
             start = scenario_time.wait_for_start(bus)
             if start is None:
                 return
@@ -95,7 +96,7 @@ def run_process(train: Train, role_name: str, unit: str, options: ProcessOptions
             late_s = (clock.now_ns() - start.start_ns) / NS_PER_S
             # a process that is a little late still begins at the beginning: the prior belongs to the first reading
             from_s = late_s if late_s > LATE_S else 0.0
-            node = role.build(train, unit, Setting(instance, world, start.start_ns, from_s))
+            node = role.build(train, unit, Setting(instance, world, start.start_ns, from_s, options.duration_s))
         # without feedback nobody could tell a restarted filter that the fused state holds already what it kept
         store = calibration_store_for(node, train.name, options.state_dir if train.file.fusion.feedback else None)
         if not (node.remembers and _catch_up(bus, node, clock)) and store is not None:

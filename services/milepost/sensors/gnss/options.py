@@ -4,33 +4,15 @@ from __future__ import annotations
 
 from typing import Annotated, get_args
 
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import Field, model_validator
 
-from milepost.recordings.column_options import RecordingOptions
-from milepost.recordings.gnss_log import SOLUTIONS
+from milepost.recordings.gnss_log import GnssLog
 from milepost_schemas.reading import Solution
 
 from ..base import SensorOptions
 from .fix_monitor import FixLimits
 from .receiver import ReceiverOptions
 from .simulated import Options, SimulatedGnss, Std
-
-WORDS = {f"{word}*": means for word, means in SOLUTIONS.items()} | {"*": "none"}
-
-
-def _of_path(value: object) -> object:
-    """A bare path is a log with the columns of `recordings.gnss_log`."""
-    if not isinstance(value, str):
-        return value
-    return {
-        "file": value,
-        "time": {"column": "time_utc", "unit": "iso8601"},
-        "columns": {
-            "latitude_deg": {"column": "latitude_deg", "unit": "deg"},
-            "longitude_deg": {"column": "longitude_deg", "unit": "deg"},
-            "solution": {"column": "position_type", "values": WORDS},
-        },
-    }
 
 
 class MonitorOptions(Options):
@@ -55,7 +37,7 @@ class GnssOptions(SensorOptions):
     train's, nor can fixes whose mean is farther than half of it.
     """
 
-    recording: Annotated[RecordingOptions | None, BeforeValidator(_of_path)] = None
+    recording: GnssLog | None = None
     receiver: ReceiverOptions | None = None
     simulated: SimulatedGnss = Field(default_factory=SimulatedGnss)
     monitor: MonitorOptions = Field(default_factory=MonitorOptions)
