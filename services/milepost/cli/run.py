@@ -2,20 +2,10 @@
 
 from __future__ import annotations
 
-import ctypes
-import signal
-import sys
 from pathlib import Path
 
-from milepost.config.yaml_files import ConfigError
-
-PR_SET_PDEATHSIG = 1
-
-
-def end_with_parent() -> None:
-    """Have the kernel end this process when the one that started it dies, even while Zenoh waits for a router."""
-    if sys.platform == "linux":
-        ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGTERM)
+from milepost.config.errors import ConfigError
+from milepost.runtime.launch import end_with_parent
 
 
 def run_role(
@@ -32,7 +22,7 @@ def run_role(
 ) -> None:
     """Run the router or one process of a train. Raises ConfigError."""
     if parent is not None:
-        end_with_parent()
+        end_with_parent(parent)
     from milepost.runtime.process import ProcessOptions, run_process, run_router
 
     if role == "router":

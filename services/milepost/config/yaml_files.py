@@ -11,21 +11,10 @@ import yaml
 from pydantic import BaseModel, ConfigDict, ValidationError
 from pydantic.dataclasses import dataclass as pydantic_dataclass
 
+from .errors import ConfigError as ConfigError
+
 M = TypeVar("M", bound=BaseModel)
 D = TypeVar("D")
-
-
-class ConfigError(Exception):
-    """A configuration that cannot be used: `file: field: what is wrong`."""
-
-    def __init__(self, file: Path | str, field: str, text: str) -> None:
-        place = f"{file}: {field}" if field else f"{file}"
-        super().__init__(" ".join(f"{place}: {text}".splitlines()))
-        self._parts = file, field, text
-
-    def __reduce__(self) -> tuple[type[ConfigError], tuple[Path | str, str, str]]:
-        """Another process may have found the mistake."""
-        return ConfigError, self._parts
 
 
 class _Loader(yaml.SafeLoader):
