@@ -222,6 +222,64 @@ GEOJSON: dict[str, Any] = {
 }
 
 
+SUGGESTIONS = {
+    "key": ({"spede": 1}, "spede: unknown key; known are train, line, motion_model, prior, fusion, world, units"),
+    "key of a part": ({"fusion.horizon": 5.0}, "fusion.horizon: unknown key; did you mean 'horizon_s'?"),
+    "key of a sensor": ({"units.radar.rate": 9.0}, "units.radar.rate: unknown key; did you mean 'rate_hz'?"),
+    "key of a motion": ({f"{WORLD}.profil": []}, "world.motion.profil: unknown key; did you mean 'profile'?"),
+    "key of a filter": (
+        {"units.radar.filter": {"kind": "h_infinity", "gama": 2.0}},
+        "units.radar.filter.gama: unknown key; did you mean 'gamma'?",
+    ),
+    "key instead of one that is required": (
+        {"prior.speed_mps": REMOVED, "prior.sped_mps": 3.0},
+        "prior.sped_mps: unknown key; did you mean 'speed_mps'?",
+    ),
+    "sensor": ({"units.radar.kind": "dopler_radar"}, "not 'dopler_radar'; did you mean 'doppler_radar'?"),
+    "filter": ({"units.radar.filter": "kalmann"}, "not 'kalmann'; did you mean 'kalman'?"),
+    "rule": ({"fusion.rule": "informaton"}, "not 'informaton'; did you mean 'information'?"),
+    "motion": (
+        {f"{WORLD}.kind": "white_jerks"},
+        "kind must be one of white_jerk, recorded, recorded_path, not 'white_jerks'; did you mean 'white_jerk'?",
+    ),
+    "source": (
+        {"units.radar.source": "recorded"},
+        "units.radar.source: must be one of simulation, recording, receiver, not 'recorded'; did you mean 'recording'?",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", SUGGESTIONS)
+def test_the_nearest_known_word_is_suggested(tmp_path: Path, name: str) -> None:
+    changes, says = SUGGESTIONS[name]
+    with pytest.raises(ConfigError) as caught:
+        load_train(write_train(tmp_path, changes))
+    assert says in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("changes", "says"),
+    [
+        ({"prior.speed_mps": "fast"}, "prior.speed_mps: Input should be a valid number, not 'fast'"),
+        ({"prior.position_std_m": -2.5}, "prior.position_std_m: Input should be greater than 0, not -2.5"),
+        ({"fusion.period_ms": 5000}, "fusion.period_ms: Input should be less than or equal to 1000, not 5000"),
+        ({"fusion.shares": "by_acuracy"}, "fusion.shares: must be one of by_accuracy, not 'by_acuracy'"),
+    ],
+    ids=str,
+)
+def test_a_wrong_value_is_shown(tmp_path: Path, changes: dict[str, Any], says: str) -> None:
+    with pytest.raises(ConfigError) as caught:
+        load_train(write_train(tmp_path, changes))
+    assert says in str(caught.value)
+
+
+def test_a_long_value_is_shown_by_its_beginning(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError) as caught:
+        load_train(write_train(tmp_path, {"prior.speed_mps": "x" * 1000}))
+    assert str(caught.value).endswith("xxxxxxxx...")
+    assert len(str(caught.value)) < len(str(tmp_path)) + 200
+
+
 def write_files(folder: Path, mistake: Mistake) -> Path:
     for name, content in GEOJSON.items():
         (folder / f"{name}.geojson").write_text(json.dumps(content), encoding="utf-8")
