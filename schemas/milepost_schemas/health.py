@@ -20,8 +20,8 @@ class Spread(Part):
 class Health(Message):
     """Once a second, of every process: what came in and went out, what was refused and why, how long a step took.
 
-    Rates are by stream, over all units that send on it. `expected_hz` is the rate that the train file sets for a stream that
-    the process receives or sends; streams without a rate of their own are not in it.
+    Rates are by stream, over all units that send on it. `expected_hz` is the least rate that the train file sets for a stream
+    that the process receives or sends; what has no rate of its own (pulses, balises) adds nothing to it.
     """
 
     SCHEMA: ClassVar[str] = "health"

@@ -10,7 +10,7 @@ from .train import Train
 
 
 def expected_hz(train: Train, role: Role, unit: str, node: Node) -> dict[str, float]:
-    """The rate in Hz of each stream that a process sends or receives message by message; none where nothing sets it."""
+    """The least rate in Hz of each stream that a process sends or receives message by message; none where nothing sets it."""
     streams = [(BY_NAME[name], unit) for name in role.sends(train, unit)]
     streams += [(BY_NAME[s.stream], s.unit) for s in node.subscriptions if not s.newest_only]
     rates = {stream.name: _rate_hz(train, stream, of) for stream, of in streams}
