@@ -15,25 +15,28 @@ from milepost.runtime.stop_signals import StopSignals
 from milepost_schemas import FusedState, Message
 
 from .arrivals import Arrivals
-from .watch import STREAMS, Screen, show
 
 # `start`: only who has come, until the first state; `lines`: a state a second as well; `table`: the live table
 Mode = Literal["start", "lines", "table"]
 READ_BYTES = 65536
+LOOK_EVERY_S = 0.2
 
 
 def run_display(endpoint: str, train: str, expected: Sequence[str], mode: Mode, began_ns: int) -> None:
     """Show a train until stopped. In a table, what comes on standard input is shown line by line."""
+
+    def age_s() -> float:
+        return (time.time_ns() - began_ns) * 1e-9
+
+    names = ["router", *expected]
+    if mode == "start":
+        _show_start(endpoint, train, Arrivals(names, _say, age_s))
+        return
+    # what draws a table takes a while to import
+    from .watch import STREAMS, Screen, show
+
     screen = Screen()
-
-    def say(sentence: str) -> None:
-        if mode == "table":
-            screen.say(sentence)
-        else:
-            print(f"milepost: {sentence}", file=sys.stderr, flush=True)
-
-    arrivals = Arrivals(["router", *expected], say, lambda: (time.time_ns() - began_ns) * 1e-9)
-    screen.arrivals = arrivals
+    arrivals = screen.arrivals = Arrivals(names, screen.say if mode == "table" else _say, age_s)
 
     def receive(stream: str, message: Message, now_ns: int) -> None:
         if isinstance(message, FusedState):
@@ -51,17 +54,35 @@ def run_display(endpoint: str, train: str, expected: Sequence[str], mode: Mode, 
 
         def going() -> bool:
             if mode == "table":
-                _read_sentences(screen)
-            return not stop.asked and not (mode == "start" and arrivals.done)
+                for sentence in _sentences():
+                    screen.say(sentence)
+            return not stop.asked
 
-        show(screen, going, stop.wait, states=mode != "start")
+        show(screen, going, stop.wait)
 
 
-def _read_sentences(screen: Screen) -> None:
+def _show_start(endpoint: str, train: str, arrivals: Arrivals) -> None:
+    def receive(stream: str, message: Message, now_ns: int) -> None:  # noqa: ARG001
+        arrivals.state()
+
+    def alive(token: Token, there: bool) -> None:
+        if there:
+            arrivals.came(token.unit)
+
+    with listening([endpoint], ["state"], train, receive, alive, zenoh_config.client), StopSignals() as stop:
+        arrivals.came("router")
+        while not arrivals.done and not stop.wait(LOOK_EVERY_S):
+            pass
+
+
+def _say(sentence: str) -> None:
+    print(f"milepost: {sentence}", file=sys.stderr, flush=True)
+
+
+def _sentences() -> list[str]:
+    """What has come on standard input since the last time."""
     os.set_blocking(0, False)
     try:
-        text = os.read(0, READ_BYTES).decode(errors="replace")
+        return os.read(0, READ_BYTES).decode(errors="replace").splitlines()
     except BlockingIOError:
-        return
-    for sentence in text.splitlines():
-        screen.say(sentence)
+        return []

@@ -68,15 +68,23 @@ class Screen:
         events = [Text(event, style="dim") for event in self.events]
         if not self.states:
             return Group(Text(self._waiting()), *events)
-        return Group(*(self._train(state, at) for state, at in self.states.values()), *self._second_instances(), *events)
+        second = [Text(sentence, style="red") for sentence in self.second_instances()]
+        return Group(*(self._train(state, at) for state, at in self.states.values()), *second, *events)
+
+    def lines(self) -> list[str]:
+        """The same in few words, for where there is no terminal."""
+        states = [state for state, _ in list(self.states.values())]
+        lines = [f"{s.train} {s.status} {s.position_m:.2f} m {s.speed_mps * 3.6:.2f} km/h" for s in states]
+        return [*lines, *self.second_instances()]
 
     def _waiting(self) -> str:
         missing = self.arrivals.missing if self.arrivals else []
         return f"waiting for {', '.join(missing)}" if missing else "waiting for a state"
 
-    def _second_instances(self) -> list[Text]:
+    def second_instances(self) -> list[str]:
+        """A sentence for every process that runs more than once."""
         second = self._instances.second(time.monotonic())
-        return [Text(f"{train}: {Change(train, unit, ids).text}", style="red") for (train, unit), ids in second.items()]
+        return [f"{train}: {Change(train, unit, instances).text}" for (train, unit), instances in second.items()]
 
     def _train(self, state: FusedState, received_ns: int) -> Group:
         table = Table(title=f"{state.train} on {state.line}", title_justify="left", show_header=False, box=None, padding=(0, 2))
@@ -146,18 +154,16 @@ def run_watch(connect: list[str]) -> int:
     return 0
 
 
-def show(screen: Screen, going: Callable[[], bool], wait: Callable[[float], object], states: bool = True) -> None:
-    """Draw the screen four times a second while `going()`; where there is no terminal, print a line a second if `states`."""
+def show(screen: Screen, going: Callable[[], bool], wait: Callable[[float], object]) -> None:
+    """Draw the screen four times a second while `going()`; where there is no terminal, print lines once a second."""
     console = Console()
-    if not states or not console.is_terminal:
-        while going():
-            for state, _ in list(screen.states.values()) if states else []:
-                console.print(
-                    f"{state.train} {state.status} {state.position_m:.2f} m {state.speed_mps * 3.6:.2f} km/h", highlight=False
-                )
-            wait(1.0 if states else REFRESH_S)
+    if console.is_terminal:
+        with Live(screen.render(), console=console, auto_refresh=False) as live:
+            while going():
+                live.update(screen.render(), refresh=True)
+                wait(REFRESH_S)
         return
-    with Live(screen.render(), console=console, auto_refresh=False) as live:
-        while going():
-            live.update(screen.render(), refresh=True)
-            wait(REFRESH_S)
+    while going():
+        for line in screen.lines():
+            print(line, flush=True)
+        wait(1.0)

@@ -16,6 +16,8 @@ import traceback
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import setproctitle
+
 from milepost.config.errors import ConfigError
 
 from .stop_signals import STOPPING, forget_signals
@@ -76,6 +78,8 @@ def exit_code(run: Callable[[], object]) -> int:
 
 def share_what_is_loaded() -> None:
     """Before the first fork: keep a child's garbage collector from writing to what it shares, for writing is copying."""
+    # it looks for the place of the title, once for all
+    setproctitle.getproctitle()
     gc.collect()
     gc.freeze()
 
@@ -104,7 +108,7 @@ def _be_child(job: Job, output: int | None, parent: int, mask: set[int]) -> None
         os.setsid()
         _redirect(job.stdin, output)
         signal.pthread_sigmask(signal.SIG_SETMASK, mask)
-        _set_title(job.title)
+        setproctitle.setproctitle(job.title)
         code = exit_code(job.run)
     finally:
         for stream in (sys.stdout, sys.stderr):
@@ -118,12 +122,6 @@ def _redirect(stdin: int | None, output: int | None) -> None:
     if output is not None:
         os.dup2(output, 1)
         os.dup2(output, 2)
-
-
-def _set_title(title: str) -> None:
-    from setproctitle import setproctitle
-
-    setproctitle(title)
 
 
 def spawned(job: Job, output: int | None) -> int:
