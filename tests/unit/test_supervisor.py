@@ -221,7 +221,7 @@ def test_stopping_ends_the_router_last_and_kills_what_does_not_end(tmp_path: Pat
     hanging = supervisor.start(job("hanging", STUBBORN, str(paths["hanging"])))
     for path in paths.values():
         ready(path)
-    supervisor.stop()
+    assert supervisor.stop() == ["hanging did not end within 3 s and was killed"]
     assert [child.code for child in supervisor.children] == [0, 0, -signal.SIGKILL]
     assert not hanging.running
     assert int(paths["fuser"].read_text()) < int(paths["router"].read_text())

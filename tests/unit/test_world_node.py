@@ -75,3 +75,12 @@ def test_a_late_tick_catches_up() -> None:
 def test_truth_goes_to_the_plane_that_no_fuser_hears() -> None:
     assert {(o.stream, o.unit, o.message.unit) for o in node().tick(T0 + PERIOD)} == {("truth", "", "world")}
     assert list(node().subscriptions) == []
+
+
+def test_a_node_that_replaces_another_numbers_its_messages_on() -> None:
+    """The process builds its node anew once it knows when scenario time begins; what it has said before keeps its number."""
+    first, second = node(), node()
+    said = [first.event("info", "waiting_for", "waiting for fuser", T0).message.sequence for _ in range(2)]
+    second.continue_numbering(first)
+    said.append(second.event("info", "x", "", T0).message.sequence)
+    assert said == [0, 1, 2]

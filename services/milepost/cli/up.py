@@ -76,7 +76,8 @@ def run_up(options: UpOptions) -> int:
                 supervisor.start(job)
             memory_mib = _watch(supervisor, stop, tell, options.report is not None)
         finally:
-            supervisor.stop()
+            for sentence in supervisor.stop():
+                _say(sentence)
     for name, lines in supervisor.failures().items():
         _say("\n".join([f"{name} failed; its last lines:", *lines]))
     return 0 if options.report is None or _completed(options.report, began_ns, memory_mib) else 1

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 import os
 import signal
 import tempfile
@@ -13,7 +12,6 @@ from typing import IO
 
 from .launch import CONFIGURATION_ERROR, Job, Launch, launch
 
-log = logging.getLogger("milepost")
 RESTART_AFTER_S = 0.5
 LONGEST_WAIT_S = 8.0
 # a process that ran this long before it failed is restarted as if it had never failed before
@@ -123,8 +121,12 @@ class Supervisor:
         child.code, child.again_at, child.started_s = None, None, now
         return (f"{child.name} restarted",)
 
-    def stop(self) -> None:
-        """SIGTERM to all but the router, which goes last; SIGKILL to what is still there after three seconds."""
+    def stop(self) -> list[str]:
+        """SIGTERM to all but the router, which goes last; SIGKILL to what is still there after three seconds.
+
+        Returns sentences about those that had to be killed.
+        """
+        said = []
         routers = [child for child in self.children if child.name == "router"]
         for group in ([child for child in self.children if child not in routers], routers):
             for child in group:
@@ -134,10 +136,11 @@ class Supervisor:
                 while child.running and time.monotonic() < deadline:
                     time.sleep(0.005)
                 if child.running:
-                    log.warning("%s did not end; killed", child.name)
+                    said.append(f"{child.name} did not end within {KILL_AFTER_S:g} s and was killed")
                     _send(child, signal.SIGKILL)
                     while child.running:
                         time.sleep(0.005)
+        return said
 
     def failures(self) -> dict[str, list[str]]:
         """The last lines of every process that has failed and whose output was kept."""
