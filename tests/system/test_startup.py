@@ -92,7 +92,7 @@ def test_the_first_words_come_before_anything_heavy_is_imported() -> None:
     said = subprocess.run(command, capture_output=True, text=True, timeout=60).stderr.splitlines()
     first = next(number for number, line in enumerate(said) if line.startswith("milepost: reading"))
     before = {line.rpartition("|")[2].strip() for line in said[:first]}
-    assert not before & {"numpy", "zenoh", "shapely", "yaml", "milepost_schemas", "milepost.config.train"}
+    assert not before & {"numpy", "zenoh", "pyproj", "yaml", "milepost_schemas", "milepost.config.train"}
 
 
 def test_every_process_is_named_as_it_comes_and_then_the_first_state(headless: subprocess.Popen) -> None:
