@@ -29,10 +29,13 @@ def update(x: Array, P: Array, h: Array, z: float, R: float) -> tuple[Array, Arr
     x (n), P (n, n), h (n), z and R scalar, R > 0. Source: A (4), (5), (7).
     """
     g = P @ h
-    K = g / (h @ g + R)
-    A = P - K[:, None] * g
-    P_new = A + (R * K - A @ h)[:, None] * K
-    return x + K * (z - h @ x), 0.5 * (P_new + P_new.T)
+    K = g / (float(h @ g) + R)
+    column = K[:, None]
+    A = P - column * g
+    P_new = A + (R * column - A @ h[:, None]) * K
+    P_new += P_new.T
+    P_new *= 0.5
+    return x + K * (z - float(h @ x)), P_new
 
 
 # sensors on a grid repeat the same few intervals for ever; those that do not must not fill the memory
