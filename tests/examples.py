@@ -154,6 +154,7 @@ EXAMPLES: dict[str, tuple[Message, ...]] = {
             uptime_s=12.5,
             received_hz={"speed_reading": 100.0},
             sent_hz={"estimate": 100.0},
+            expected_hz={"speed_reading": 100.0, "estimate": 100.0},
             refused={"duplicate": 2},
             rewinds=3,
             gaps=1,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import msgpack
 import pytest
@@ -16,6 +16,7 @@ from examples import examples_of, parts, replaced, values, without
 from milepost.cli.schema import schema_files
 from milepost.runtime.bus import PRIORITIES
 from milepost_schemas import ROOT, STREAMS, Message, Refused, Stream, alive_key, decode, encode, rpc_key, simulation_start_key
+from milepost_schemas.streams import Pace
 
 each_row = pytest.mark.parametrize("row", STREAMS, ids=lambda row: row.name)
 
@@ -112,7 +113,7 @@ def test_schema_names_and_versions_name_one_message_each() -> None:
 
 @each_row
 def test_a_row_is_sound(row: Stream) -> None:
-    assert row.rate_hz is None or row.rate_hz > 0.0
+    assert row.paced_by in get_args(Pace)
     assert row.cached >= 0
     assert row.priority in PRIORITIES
     assert row.purpose

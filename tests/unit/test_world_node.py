@@ -83,3 +83,12 @@ def test_without_a_motion_time_ends_but_no_truth_is_told() -> None:
     assert run(world) == []
     assert world.finished
     assert world.end_s == 1.0
+
+
+def test_a_node_that_replaces_another_numbers_its_messages_on() -> None:
+    """The process builds its node anew once it knows when scenario time begins; what it has said before keeps its number."""
+    first, second = node(), node()
+    said = [first.event("info", "waiting_for", "waiting for fuser", T0).message.sequence for _ in range(2)]
+    second.continue_numbering(first)
+    said.append(second.event("info", "x", "", T0).message.sequence)
+    assert said == [0, 1, 2]

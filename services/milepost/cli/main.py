@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from milepost.config.yaml_files import ConfigError
+from milepost.runtime.launch import exit_code
 from milepost.runtime.zenoh_config import DEFAULT_ENDPOINT
 
 DEFAULT_TRAIN = Path("deploy/trains/full.yaml")
@@ -45,9 +45,9 @@ def up(
     state_dir: StateDirOption = None,
 ) -> None:
     """Start a train: router, sensors, filters, fuser and balise service, each a process of its own, and show it."""
-    from .up import run_up
+    from .up import UpOptions, run_up
 
-    raise typer.Exit(run_up(train, duration, speed, report, headless, listen, state_dir))
+    raise typer.Exit(run_up(UpOptions(train, duration, speed, report, headless, listen, state_dir)))
 
 
 @app.command()
@@ -149,6 +149,20 @@ def schema(
 
 
 @app.command(**HIDDEN)  # type: ignore[arg-type]
+def display(
+    connect: Annotated[str, typer.Option("--connect")],
+    name: Annotated[str, typer.Option("--name")],
+    expect: Annotated[list[str], typer.Option("--expect")],
+    mode: Annotated[str, typer.Option("--mode")],
+    began_ns: Annotated[int, typer.Option("--began-ns")],
+) -> None:
+    """Show a train for `up`."""
+    from .display import run_display
+
+    run_display(connect, name, expect, mode, began_ns)  # type: ignore[arg-type]
+
+
+@app.command(**HIDDEN)  # type: ignore[arg-type]
 def observe(
     report: Annotated[Path, typer.Option("--report")],
     stalls: Annotated[Path, typer.Option("--stalls")],
@@ -170,12 +184,5 @@ def sentinel(stalls: Annotated[Path, typer.Option("--stalls")]) -> None:
 
 
 def main() -> None:
-    """The entry point. A configuration error is one line and exit code 2."""
-    try:
-        app()
-    except ConfigError as error:
-        print(f"milepost: {error}", file=sys.stderr)
-        sys.exit(2)
-    except OSError as error:  # a file, a port, no router
-        print(f"milepost: {error}", file=sys.stderr)
-        sys.exit(1)
+    """Read the command line and do what it says. A configuration error is one line and exit code 2."""
+    sys.exit(exit_code(app))

@@ -53,7 +53,10 @@ class Setting:
 
 @dataclass(frozen=True)
 class Role:
-    """`units` lists what a train needs this role for; `uses_world` for those that need the simulated train."""
+    """`units` lists what a train needs this role for; `uses_world` for those that need the simulated train.
+
+    `sends` are the streams of the stream table that the process for a unit sends, besides `event` and `health`.
+    """
 
     name: str
     purpose: str
@@ -61,6 +64,7 @@ class Role:
     uses_world: bool
     units: Callable[[Train], list[str]]
     build: Callable[[Train, str, Setting], Node]
+    sends: Callable[[Train, str], tuple[str, ...]]
 
 
 def _world(train: Train, unit: str, setting: Setting) -> Node:  # noqa: ARG001
@@ -176,16 +180,31 @@ def _one(name: str) -> Callable[[Train], list[str]]:
     return lambda train: [name]  # noqa: ARG005
 
 
+def _always(*streams: str) -> Callable[[Train, str], tuple[str, ...]]:
+    return lambda train, unit: streams  # noqa: ARG005
+
+
+def _balise_units(train: Train) -> list[str]:
+    return ["balise"] if train.balise_readers else []
+
+
+def _truth(train: Train, unit: str) -> tuple[str, ...]:  # noqa: ARG001
+    return ("truth",) if train.file.world is not None else ()
+
+
+def _readings(train: Train, unit: str) -> tuple[str, ...]:
+    return (train.sensors[unit].stream,)
+
+
+_FUSED = "one state an epoch from all estimates and fixes"
 ROLES: dict[str, Role] = {
     role.name: role
     for role in (
-        Role("fuser", "one state an epoch from all estimates and fixes", False, False, _one("fuser"), _fuser),
-        Role("filter", "a unit's local filter", True, False, lambda t: t.fused_units, _filter),
-        Role(
-            "balise", "telegrams into absolute fixes", False, False, lambda t: ["balise"] if t.balise_readers else [], _balise
-        ),
-        Role("sensor", "a unit's readings", True, True, lambda t: list(t.sensors), _sensor),
-        Role("world", "scenario time, and the truth where there is one", False, True, _world_units, _world),
+        Role("fuser", _FUSED, False, False, _one("fuser"), _fuser, _always("state", "feedback")),
+        Role("filter", "a unit's local filter", True, False, lambda t: t.fused_units, _filter, _always("estimate")),
+        Role("balise", "telegrams into absolute fixes", False, False, _balise_units, _balise, _always("fix")),
+        Role("sensor", "a unit's readings", True, True, lambda t: list(t.sensors), _sensor, _readings),
+        Role("world", "scenario time, and the truth where there is one", False, True, _world_units, _world, _truth),
     )
 }
 

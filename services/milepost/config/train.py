@@ -18,6 +18,7 @@ from milepost.track.line import Line
 from milepost_schemas import BY_NAME
 
 from .line_file import load_line
+from .mistakes import must_be_one_of
 from .motion_file import RecordedFile
 from .train_file import BySpeedFile, TrainFile
 from .yaml_files import ConfigError, merged, read_yaml, validate, validate_dataclass
@@ -100,7 +101,7 @@ def load_train(path: Path, change: Mapping[str, Any] | None = None, seed: int | 
     for unit, entry in file.units.items():
         kind = SENSORS.get(str(entry.get("kind")))
         if kind is None:
-            raise ConfigError(path, f"units.{unit}.kind", f"must be one of {', '.join(SENSORS)}, not {entry.get('kind')!r}")
+            raise ConfigError(path, f"units.{unit}.kind", must_be_one_of(SENSORS, entry.get("kind")))
         options = validate(path, entry, kind.options_model, f"units.{unit}")
         if options.filter is not None:
             filters[unit] = _filter(path, f"units.{unit}.filter", options.filter)
@@ -127,7 +128,7 @@ def _filter(path: Path, field: str, named: str | dict[str, Any]) -> tuple[type[L
     name = said.pop("kind", None)
     row = FILTERS.get(str(name))
     if row is None:
-        raise ConfigError(path, field, f"must be one of {', '.join(FILTERS)}, not {name!r}")
+        raise ConfigError(path, field, must_be_one_of(FILTERS, name))
     return row, validate_dataclass(path, said, row.options_model, field)
 
 
