@@ -67,4 +67,4 @@ def test_an_unknown_name_lists_the_known_and_the_nearest(elsewhere: Path) -> Non
         find_file(Path("metor"), "trains")
     text = str(caught.value)
     assert text.startswith("metor: neither a file nor one of the trains: beidou-maglev, ")
-    assert text.endswith("; did you mean metro?")
+    assert text.endswith("; did you mean 'metro'?")

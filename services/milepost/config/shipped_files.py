@@ -5,8 +5,6 @@ from __future__ import annotations
 from difflib import get_close_matches
 from pathlib import Path
 
-from .yaml_files import ConfigError
-
 PACKAGE = Path(__file__).resolve().parents[1]
 
 
@@ -32,9 +30,12 @@ def find_file(given: Path, kind: str) -> Path:
         path = folder / f"{given}.yaml"
         if path.is_file():
             return path
+    # a mistake is rare: without this import the command line starts faster
+    from .yaml_files import ConfigError
+
     names = names_in(kind)
     near = get_close_matches(str(given), names, n=1)
-    meant = f"; did you mean {near[0]}?" if near else ""
+    meant = f"; did you mean {near[0]!r}?" if near else ""
     raise ConfigError(given, "", f"neither a file nor one of the {kind}: {', '.join(names)}{meant}")
 
 
