@@ -30,8 +30,9 @@ test: $(VENV)/.ready ## run all tests except those that need a container engine
 	$(BIN)/python -m pytest -n logical --dist loadfile -m "not system and not compose"
 	$(BIN)/python -m pytest -m "system and not compose"
 
-test-fast: $(VENV)/.ready ## run the quick tests: unit, contract, property, replay
-	$(BIN)/python -m pytest -n logical --dist worksteal tests/unit tests/contract tests/property tests/replay
+test-fast: $(VENV)/.ready ## run the quick tests of units, contracts, properties and golden runs
+	$(BIN)/python -m pytest -n logical --dist worksteal --hypothesis-profile=fast -m "not slow" \
+		tests/unit tests/contract tests/property tests/replay
 
 lint: $(VENV)/.ready ## run ruff and mypy --strict, compare the exported schemas
 	$(BIN)/ruff check .

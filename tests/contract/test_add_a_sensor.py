@@ -80,6 +80,7 @@ def followed(tmp_path_factory: pytest.TempPathFactory) -> Copy:
     return copy
 
 
+@pytest.mark.slow
 def test_the_tests_stay_green(followed: Copy) -> None:
     said = followed.python("-m", "pytest", "-p", "no:cacheprovider", "-vv", "-k", WHICH, ITSELF, *TESTS)
     assert "[optical]" in said

@@ -2,51 +2,76 @@
 
 from __future__ import annotations
 
-import os
 import subprocess
 import sys
 from importlib.metadata import version
 from pathlib import Path
+from typing import NamedTuple
 
 import pytest
 
+from milepost.cli.main import main
 from milepost.config.shipped_files import names_in
 
-MILEPOST = Path(sys.executable).parent / "milepost"
+
+class Said(NamedTuple):
+    """How a command ended, and what it printed."""
+
+    code: object
+    out: str
+    err: str
 
 
-def milepost(*arguments: str, folder: Path | None = None, **environment: str) -> subprocess.CompletedProcess[str]:
-    # a relative PYTHONPATH must still lead to this code from another folder
-    paths = [str(Path(path).resolve()) for path in os.environ.get("PYTHONPATH", "").split(os.pathsep) if path]
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(paths), **environment}
-    command = [str(MILEPOST), *arguments]
-    return subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, timeout=60, check=False)
+class Command:
+    """`milepost` in this process."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+        self._monkeypatch, self._capsys = monkeypatch, capsys
+
+    def run(self, *arguments: str, **environment: str) -> Said:
+        self._monkeypatch.setattr(sys, "argv", ["milepost", *arguments])
+        for name, value in environment.items():
+            self._monkeypatch.setenv(name, value)
+        with pytest.raises(SystemExit) as ended:
+            main()
+        return Said(ended.value.code, *self._capsys.readouterr())
+
+    def completed(self, words: str) -> list[str]:
+        """What bash is offered for the last of these words."""
+        said = self.run(_MILEPOST_COMPLETE="complete_bash", COMP_WORDS=words, COMP_CWORD=str(words.count(" ")))
+        assert said.code == 0, said.err
+        return said.out.split()
 
 
-def completed(words: str) -> list[str]:
-    """What bash is offered for the last of these words."""
-    answer = milepost(_MILEPOST_COMPLETE="complete_bash", COMP_WORDS=words, COMP_CWORD=str(words.count(" ")))
-    assert answer.returncode == 0, answer.stderr
-    return answer.stdout.split()
+@pytest.fixture
+def command(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Command:
+    return Command(monkeypatch, capsys)
 
 
 def test_version_names_both_distributions() -> None:
-    said = milepost("--version")
-    assert (said.returncode, said.stderr) == (0, "")
+    said = subprocess.run([Path(sys.executable).parent / "milepost", "--version"], capture_output=True, text=True, check=True)
     assert said.stdout.splitlines() == [f"{name} {version(name)}" for name in ("milepost", "milepost-schemas")]
 
 
 @pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
-def test_completion_can_be_shown_for_a_shell(shell: str) -> None:
-    said = milepost("--show-completion", shell, _TYPER_COMPLETE_TEST_DISABLE_SHELL_DETECTION="1")
-    assert said.returncode == 0, said.stderr
-    assert "_MILEPOST_COMPLETE" in said.stdout
+def test_completion_can_be_shown_for_a_shell(command: Command, shell: str) -> None:
+    said = command.run("--show-completion", shell, _TYPER_COMPLETE_TEST_DISABLE_SHELL_DETECTION="1")
+    assert said.code == 0, said.err
+    assert "_MILEPOST_COMPLETE" in said.out
 
 
-def test_commands_trains_and_scenarios_are_completed() -> None:
-    assert completed("milepost eva") == ["evaluate"]
-    assert completed("milepost up --train br") == [name for name in names_in("trains") if name.startswith("br")]
-    assert completed("milepost evaluate odo") == ["odometer-radar"]
+def test_commands_are_completed(command: Command) -> None:
+    assert command.completed("milepost eva") == ["evaluate"]
+
+
+def test_trains_are_completed_by_name(command: Command) -> None:
+    trains = [name for name in names_in("trains") if name.startswith("br")]
+    assert len(trains) > 1
+    assert command.completed("milepost up --train br") == trains
+
+
+def test_scenarios_are_completed_by_name(command: Command) -> None:
+    assert command.completed("milepost evaluate odo") == ["odometer-radar"]
 
 
 @pytest.mark.parametrize(
@@ -54,16 +79,18 @@ def test_commands_trains_and_scenarios_are_completed() -> None:
     [
         (["up", "--train", "metor"], "metor: neither a file nor one of the trains"),
         (["up", "--train", "missing.yaml"], "missing.yaml: No such file"),
+        (["run", "fuser", "--train", "metor"], "metor: neither a file nor one of the trains"),
         (["evaluate", "odometr-radar"], "odometr-radar: neither a file nor one of the scenarios"),
         (["rerun", "missing.jsonl", "--out", "out.jsonl"], "missing.jsonl: no such file"),
-        (["run", "fuser", "--train", "metor"], "metor: neither a file nor one of the trains"),
     ],
-    ids=lambda value: value[0] if isinstance(value, list) else None,
+    ids=lambda value: " ".join(value[:2]) if isinstance(value, list) else None,
 )
-def test_a_file_that_is_not_there_is_one_line_and_exit_code_2(tmp_path: Path, arguments: list[str], line: str) -> None:
-    said = milepost(*arguments, folder=tmp_path)
-    assert said.returncode == 2
-    assert said.stdout == ""
-    assert said.stderr.startswith(f"milepost: {line}")
-    assert said.stderr.count("\n") == 1
+def test_a_file_that_is_not_there_is_one_line_and_exit_code_2(
+    command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, arguments: list[str], line: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    said = command.run(*arguments)
+    assert (said.code, said.out) == (2, "")
+    assert said.err.startswith(f"milepost: {line}")
+    assert said.err.count("\n") == 1
     assert list(tmp_path.iterdir()) == []

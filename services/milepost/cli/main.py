@@ -237,7 +237,7 @@ def sentinel(stalls: Annotated[Path, typer.Option("--stalls")]) -> None:
 def main() -> None:
     """The entry point. A configuration error is one line and exit code 2."""
     try:
-        app()
+        app(prog_name="milepost")
     except ConfigError as error:
         print(f"milepost: {error}", file=sys.stderr)
         sys.exit(2)
