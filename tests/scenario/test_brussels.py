@@ -51,7 +51,7 @@ def changed_scenario(folder: Path, **fields: Any) -> Path:
 
 
 class TestWithheldMinute:
-    def test_the_state_stays_near_the_withheld_fixes_and_its_interval_holds_every_one(self, journey):
+    def test_the_interval_holds_every_withheld_fix(self, journey):
         _, log, fixes = journey
         figures = score_withheld(log.settled, fixes, log.train.line, OFFLINE_START_NS, PERIOD_NS)
         assert figures["withheld_fixes"] > 140

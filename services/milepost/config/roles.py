@@ -16,11 +16,14 @@ from milepost.estimation.time_units import NS_PER_S
 from milepost.nodes.balise import BaliseNode
 from milepost.nodes.base import Node
 from milepost.nodes.filter import FilterNode
-from milepost.nodes.fuser import FuserNode, FuserSettings
+from milepost.nodes.fuser import FuserNode
+from milepost.nodes.fuser_settings import FuserSettings
+from milepost.nodes.judges import UnitJudge
 from milepost.nodes.roster import UnitRow
 from milepost.nodes.sensor import SensorNode
 from milepost.nodes.world import WorldNode
 from milepost.sensors.base import World
+from milepost_schemas import BY_NAME
 
 from .train import Train
 from .train_file import BySpeedFile
@@ -118,12 +121,14 @@ def shares(train: Train) -> Shares:
 def fuser_settings(train: Train) -> FuserSettings:
     """What the train file says of fusion, as the fuser's node takes it."""
     fusion = train.file.fusion
+    judges = {unit: judge for unit in train.fused_units if (judge := _judge(train, unit)) is not None}
     rows = [
         UnitRow(
             unit,
             order,
             None if sensor.period_s is None else round(sensor.period_s * NS_PER_S),
             sensor.options.filter is not None,
+            round(sensor.latency_s * NS_PER_S),
         )
         for order, (unit, sensor) in enumerate(train.sensors.items())
     ]
@@ -141,7 +146,17 @@ def fuser_settings(train: Train) -> FuserSettings:
         prior=prior(train),
         layout=full_layout(train),
         units=rows,
+        judges=judges,
     )
+
+
+def _judge(train: Train, unit: str) -> UnitJudge | None:
+    """Who judges a unit's readings in the fuser; None where the filter's rows are all that there is to know."""
+    sensor, (kind, _) = train.sensors[unit], train.filters[unit]
+    observer = sensor.observer()
+    if not kind.passes_readings or (observer is sensor and not sensor.needs_belief):
+        return None
+    return UnitJudge(observer, BY_NAME[sensor.stream].message)
 
 
 def _one(name: str) -> Callable[[Train], list[str]]:

@@ -10,6 +10,7 @@ import numpy as np
 from .gaussian import inflate_common
 from .layout import Array, Layout
 from .motion import full_process_noise, full_transition
+from .observation import Observation
 
 
 def predict(x: Array, P: Array, F: Array, Q: Array) -> tuple[Array, Array]:
@@ -53,6 +54,10 @@ class ArrayKernel:
         """A belief in the kernel's own form."""
         return np.array(mean, dtype=float), np.array(covariance, dtype=float)
 
+    def prior(self, mean: Array, covariance: Array) -> tuple[Array, Array]:
+        """What is believed before the first observation."""
+        return self.pack(mean, covariance)
+
     def shared(
         self, mean: Sequence[float] | Array, covariance: Sequence[Sequence[float]] | Array, share: float
     ) -> tuple[Array, Array]:
@@ -81,3 +86,7 @@ class ArrayKernel:
     def update(self, state: tuple[Array, Array], row: tuple[float, ...], value: float, variance: float) -> tuple[Array, Array]:
         """The belief after one observation."""
         return update(*state, np.array(row), value, variance)
+
+    def take(self, state: tuple[Array, Array], observation: Observation) -> tuple[Array, Array]:
+        """The belief after one observation of a timeline."""
+        return self.update(state, observation.row, observation.value, observation.variance)

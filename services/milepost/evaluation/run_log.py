@@ -11,7 +11,7 @@ import numpy as np
 from milepost.config.train import Train
 from milepost.estimation.centralised import Reading
 from milepost.estimation.layout import N_COMMON, PLACES_OF_COMMON, Array, Layout
-from milepost.estimation.timeline import Observation
+from milepost.estimation.observation import Observation
 from milepost.nodes.base import Output
 from milepost.nodes.observations import POSITION, of_fix, of_reading
 from milepost.offline.memory_bus import Tap
@@ -121,7 +121,7 @@ def _reading(order: int, message: Any, observers: Mapping[str, Observer]) -> Rea
     if isinstance(message, AbsoluteFix):
         o = of_fix(message, order)
         rows = [(POSITION, o.value, o.variance)]
-        return Reading(*o[:4], message.reader, lambda mean, covariance: rows)  # noqa: ARG005
+        return Reading(o.measured_at_ns, order, o.sequence, o.instance, message.reader, lambda mean, covariance: rows)  # noqa: ARG005
     observe = observers[message.unit].observe
     head = (message.measured_at_ns, order, message.sequence, message.instance)
     return Reading(*head, message.unit, lambda mean, covariance: observe(message, Belief(mean, covariance)))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ..adaptive import InnovationVariance
-from ..timeline import Observation
+from ..observation import Observation
 from .learning import LearningFilter
 from .options import positive
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from ..observation import Observation
 from ..rls import ForgettingSmoother
-from ..timeline import Observation
 from .options import fraction, positive
 from .prefilter import PreFilter, Smoother
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from ..layout import Array
 from ..noise_scale import NoiseModel, NoiseScale
-from ..timeline import Observation
+from ..observation import Observation
 from .learning import LearningFilter
 from .options import fraction, positive
 
