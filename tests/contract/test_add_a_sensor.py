@@ -13,12 +13,12 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 GUIDE = (ROOT / "docs/add-a-sensor.md").read_text(encoding="utf-8")
-FOLDERS = ("services", "schemas", "deploy", "tests")
-FILES = ("compose.yaml", "pyproject.toml", "LICENSE", "README.md")
+FOLDERS = ("services", "schemas", "deploy", "docs", "tests")
+FILES = ("compose.yaml", "pyproject.toml", "Makefile", "LICENSE", "README.md", "CONTRIBUTING.md")
 # all that looks at the kinds of sensors, at trains and at rooms
 TESTS = ("tests/contract", "tests/unit/test_sensors.py", "tests/unit/test_sensor_node.py", "tests/unit/test_column_map.py")
 ITSELF = "--ignore=tests/contract/test_add_a_sensor.py"
-WHICH = "optical or test_tables or test_compose_file"
+WHICH = "optical or test_tables or test_compose_file or test_readme"
 RUN = """
 from pathlib import Path
 from milepost.config.shipped_files import find_file
