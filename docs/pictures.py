@@ -15,7 +15,6 @@ from rich.console import Console
 
 from milepost.cli.watch import STREAMS, Screen
 from milepost.runtime.listening import listening
-from milepost.runtime.supervisor import port_is_free
 
 FOLDER = Path(__file__).resolve().parent / "pictures"
 SCENARIO = "odometer-radar"
@@ -50,13 +49,13 @@ SVG = """\
 
 def draw_table(path: Path) -> None:
     """Draw the live table of the default train, `RUN_S` after its first state."""
-    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    port = free_port()
+    endpoint = f"tcp/127.0.0.1:{port}"
     up = [sys.executable, "-m", "milepost", "up", "--headless", "--listen", endpoint]
     process = subprocess.Popen(up, stderr=subprocess.DEVNULL)
     screen = Screen()
     try:
-        while port_is_free(endpoint):
-            time.sleep(0.1)
+        wait_for(port)
         with listening([endpoint], STREAMS, "*", screen.receive):
             while not screen.states:
                 time.sleep(0.1)
@@ -75,6 +74,18 @@ def free_port() -> int:
         probe.bind(("127.0.0.1", 0))
         port: int = probe.getsockname()[1]
         return port
+
+
+def wait_for(port: int) -> None:
+    """Return once something listens on the port."""
+    deadline = time.monotonic() + 30.0
+    while time.monotonic() < deadline:
+        try:
+            socket.create_connection(("127.0.0.1", port)).close()
+            return
+        except ConnectionRefusedError:
+            time.sleep(0.1)
+    raise TimeoutError(f"nothing listens on port {port}")
 
 
 def draw_plot(path: Path) -> None:
