@@ -289,15 +289,21 @@ def test_a_gaussian_has_as_many_states_as_means_and_begins_with_the_common_ones(
         assert part in refusal({**fields, part: {**gaussian, **changes}}, row.message).detail
 
 
-@each_row
+WITH_COVARIANCE = [row for row in STREAMS if any(at[-1] == "covariance" for at, _ in values(fields_of(examples_of(row)[0])))]
+
+
+@pytest.mark.parametrize("row", WITH_COVARIANCE, ids=lambda row: row.name)
 def test_an_unsound_covariance_is_refused(row: Stream) -> None:
     for message in examples_of(row):
-        for at, value in values(fields_of(message)):
-            if at[-1] == "covariance":
-                asymmetrical = replaced({"m": value}, ("m", 0, 1), 0.4)["m"]
-                indefinite = replaced(replaced({"m": value}, ("m", 0, 1), 3.0), ("m", 1, 0), 3.0)["m"]
-                for bad in (asymmetrical, indefinite, value[:-1], []):
-                    refusal(replaced(fields_of(message), at, bad), row.message)
+        (at, value) = next((at, value) for at, value in values(fields_of(message)) if at[-1] == "covariance")
+        asymmetrical = replaced({"m": value}, ("m", 0, 1), 0.4)["m"]
+        indefinite = replaced(replaced({"m": value}, ("m", 0, 1), 3.0), ("m", 1, 0), 3.0)["m"]
+        for bad in (asymmetrical, indefinite, value[:-1], []):
+            refusal(replaced(fields_of(message), at, bad), row.message)
+
+
+def test_beliefs_and_states_carry_a_covariance() -> None:
+    assert {row.name for row in WITH_COVARIANCE} == {"estimate", "feedback", "state"}
 
 
 @each_row

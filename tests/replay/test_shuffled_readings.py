@@ -48,6 +48,7 @@ def what_is_believed(state: FusedState) -> dict[str, Any]:
     return state.model_dump(exclude={"sensors": {"__all__": {"share"}}})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", TRAINS)
 def test_shuffled_readings_settle_to_the_same_bits(name: str) -> None:
     change, duration_s = TRAINS[name]

@@ -135,6 +135,7 @@ def stationary_std(driver_s: float, psd: float) -> NDArray[np.float64]:
     return np.sqrt(np.diag(P))
 
 
+@pytest.mark.slow
 def test_a_driver_keeps_an_hour_bounded_as_theory_says() -> None:
     motion = white_jerk(1, end_s=3600.0, driver_s=60.0)
     times = np.arange(600.0, 3600.0, 5.0)
