@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Callable
 from typing import Any
@@ -144,16 +143,58 @@ def test_two_channels_tell_the_direction() -> None:
     assert sum(m.fields["speed_mps"] * 0.1 for m in counted) == pytest.approx(0.0, abs=2.0 * PITCH)
 
 
-def test_silence_is_a_bound_each_time_it_has_doubled() -> None:
-    """Standing from 5 s on: one pitch in 0.1, 0.2, 0.4, ... s, up to 4 s."""
+def test_silence_is_a_bound_again_and_again() -> None:
+    """Standing from 5 s on: 26.7 mm in windows of 1.84 · 0.0267^(1/3) = 0.55 s, read out each 0.1 s: 0.2 m/s each 0.6 s."""
     on = world([(0.0, 1.0), (5.0, 0.0), (30.0, 0.0)], end_s=30.0)
-    for options in (exact(), exact(timer_s=None)):
-        bounds = [m for m in readings(on, **options) if "speed_max_mps" in m.fields and m.measured_s > 5.0]
-        assert 2 <= len(bounds) <= 7
-        for m in bounds:
-            assert m.fields["speed_max_mps"] == pytest.approx(PITCH / m.fields["interval_s"])
-            assert m.fields["interval_s"] <= 4.0
-        assert all(b.fields["interval_s"] >= 1.9 * a.fields["interval_s"] for a, b in itertools.pairwise(bounds))
+    said = [m for m in readings(on, **exact()) if "speed_max_mps" in m.fields]
+    assert len(said) == 42
+    assert [m.fields["interval_s"] for m in said[1:]] == pytest.approx([0.6] * 41)
+    assert [m.fields["speed_max_mps"] for m in said] == pytest.approx([math.sqrt(PITCH * 1.5)] * 42)
+
+
+def test_a_device_that_counts_says_a_bound_for_each_count_of_none() -> None:
+    """26.7 mm in 0.1 s, in 94 ms with ± 3 ms of jitter, and what 1.5 m/s² allow meanwhile."""
+    on = world([(0.0, 1.0), (5.0, 0.0), (30.0, 0.0)], end_s=30.0)
+    for jitter_s in (0.0, 0.003):
+        said = [m for m in readings(on, **exact(timer_s=None, jitter_s=jitter_s)) if m.measured_s > 5.2]
+        assert len(said) == 248
+        interval_s = 0.1 - 2.0 * jitter_s
+        bound = PITCH / interval_s + 1.5 * interval_s / 4.0
+        assert [m.fields["speed_max_mps"] for m in said] == pytest.approx([bound] * 248)
+
+
+def test_counts_of_none_and_of_one_weigh_alike_at_a_crawl() -> None:
+    """At 0.1 m/s three counts of four are none; taken as the filter takes them, all readings' mean is 0.1 m/s."""
+    on = world([(0.0, 0.1)], end_s=1000.0)
+    unit = sensor("odometer", on.line, **exact(timer_s=None))
+    knows = Belief(np.zeros(4), np.diag([1.0, 1.0, 1.0, 1e-12]))
+    said = [SpeedReading(**head(sequence=i), **m.fields) for i, m in enumerate(readings(on, **exact(timer_s=None)))]
+    seen = [unit.observe(reading, knows)[0] for reading in said]
+    weights = np.array([1.0 / o.variance for o in seen])
+    assert float(np.array([o.value for o in seen]) @ weights / weights.sum()) == pytest.approx(0.1, rel=0.02)
+
+
+def test_at_a_crawl_bounds_and_values_add_up_to_the_way() -> None:
+    """At 30 mm/s a pulse takes 0.89 s: a bound for 0.6 s, and 26.7 mm for what is left, with 26.7²/3 mm² of doubt."""
+    on = world([(0.0, 0.03)], end_s=300.0)
+    said = [m for m in readings(on, **exact()) if "speed_mps" in m.fields][1:]
+    assert sum(m.fields["speed_mps"] * m.fields["interval_s"] for m in said) == pytest.approx(9.0, abs=3.0 * PITCH)
+    for m in said[:20]:
+        dt = m.fields["interval_s"]
+        assert m.fields["speed_variance_m2ps2"] == pytest.approx((PITCH / dt) ** 2 / 3.0, rel=0.01)
+
+
+def test_a_wheel_that_turns_back_over_an_edge_did_not_go_on() -> None:
+    """Forward until 10 s, back again: pulses at the same edge are no way; sampled as rarely as each 0.2 s, the sum is right."""
+    for start_m in (100.0, 100.004, 100.013):
+        on = world([(0.0, 0.5), (20.0, -0.5)], end_s=20.0, start_m=start_m)
+        said = [m for m in readings(on, **exact(rate_hz=5.0)) if "speed_mps" in m.fields]
+        way = sum(m.fields["speed_mps"] * m.fields["interval_s"] for m in said)
+        end_s = said[-1].measured_s + 0.5 * said[-1].fields["interval_s"]
+        begin_s = said[0].measured_s - 0.5 * said[0].fields["interval_s"]
+        assert way == pytest.approx(on.motion.at(end_s)[0] - on.motion.at(begin_s)[0], abs=2e-3)
+        std = np.sqrt([m.fields["speed_variance_m2ps2"] for m in said])
+        assert float(np.max(np.abs(errors(on, said)) / std)) < math.sqrt(3.0)
 
 
 def test_a_creeping_wheel_reads_its_own_speed() -> None:
@@ -240,12 +281,14 @@ def test_going_backwards_is_a_negative_speed_on_the_wire_and_in_the_row() -> Non
 
 
 def test_silence_bounds_both_directions() -> None:
-    """|z| < 0.3 at κ̂ = 0.05: |v| < 0.315, with a variance of 0.315²/3."""
+    """|z| < 0.3 in 0.1 s at κ̂ = 0.05: |v| < 0.315, on average less than 0.315 - 1.5 · 0.1/4 = 0.2775; J is worth 0.4 mm/s."""
     reading = SpeedReading(**head(), speed_max_mps=0.3, interval_s=0.1)
     (seen,) = sensor("odometer", straight_line()).observe(reading, belief())
     assert seen.row == (0.0, 1.0, 0.0, 0.0)
     assert seen.value == 0.0
-    assert seen.variance == pytest.approx(0.315**2 / 3.0)
+    assert seen.variance == pytest.approx(0.2775**2 / 3.0 + (0.01 / 24.0) ** 2)
+    (counted,) = sensor("odometer", straight_line(), timer_s=None).observe(reading, belief())
+    assert counted.variance == pytest.approx(0.2775**2 / 6.0 + (0.01 / 24.0) ** 2)
 
 
 def test_the_private_state_is_as_the_options_say() -> None:

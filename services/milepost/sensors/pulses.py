@@ -1,32 +1,146 @@
-"""What sensors that count pulses have in common: silence is a bound on speed, never zero."""
+"""What sensors that count pulses have in common: what an interval between pulses says of speed, and what silence says."""
 
 from __future__ import annotations
 
-from milepost.recordings.measured import Measured
+import math
+from collections.abc import Callable
+from typing import Annotated, NamedTuple
 
-# silence longer than this says where the train is, not how fast it goes now
-LONGEST_BOUND_S = 4.0
+from pydantic import Field
+
+from milepost.recordings.measured import Measured
+from milepost.simulation.motion import Motion
+
+from .base import SensorOptions
+
 # the least bound that a reading can state
 LEAST_BOUND_MPS = 1e-3
+# pulses closer in time than this part of a period come of the train's turning round on one: they say no speed
+SHORTEST_PART = 0.1
+# a mid-interval error of less than this part of the variance is not stated
+NEGLIGIBLE = 1e-3
+# 38.4^(1/6): the window whose bound, repeated window after window, says most, in units of (d/J)^(1/3)
+BEST_WINDOW = 1.84
+
+
+class PulseOptions(SensorOptions):
+    """`acceleration_max_mps2`, `jerk_max_mps3`: what the train can do at most, braking included, and how fast it can change.
+
+    An interval without a pulse bounds the speed only through them. 1.5 m/s² and 1 m/s³ are an emergency brake's.
+    """
+
+    acceleration_max_mps2: Annotated[float, Field(gt=0.0, le=50.0)] = 1.5
+    jerk_max_mps3: Annotated[float, Field(gt=0.0, le=1000.0)] = 1.0
+
+    @property
+    def limits(self) -> Limits:
+        """What the train can do at most."""
+        return Limits(self.acceleration_max_mps2, self.jerk_max_mps3)
+
+
+class Limits(NamedTuple):
+    """The largest acceleration A and jerk J of a train, either way."""
+
+    acceleration_mps2: float
+    jerk_mps3: float
+
+    def speed_bound(self, path_m: float, interval_s: float) -> float:
+        """The largest |v| in the middle of an interval Δ in which the train stayed on a stretch of length d, in m/s.
+
+        d/Δ + A Δ/4 up to Δ = 2 √(d/A), √(d A) from there on: the fastest course rises at A to the middle and falls at A.
+        Source: ours.
+        """
+        A = self.acceleration_mps2
+        if interval_s >= 2.0 * math.sqrt(path_m / A):
+            return math.sqrt(path_m * A)
+        return path_m / interval_s + 0.25 * A * interval_s
+
+    def path_m(self, bound_mps: float, interval_s: float) -> float:
+        """The d of a `speed_bound` over Δ, in m."""
+        A = self.acceleration_mps2
+        if bound_mps <= 0.5 * A * interval_s:
+            return bound_mps * bound_mps / A
+        return (bound_mps - 0.25 * A * interval_s) * interval_s
+
+    def mean_variance(self, white: float, interval_s: float) -> float:
+        """The variance of a mean speed over Δ as the speed in its middle: R + e², e = J Δ²/24, in (m/s)².
+
+        At constant acceleration both are the same; white jerk of density q would make q Δ³/320. Left out where it is less
+        than a thousandth of R, the white error's variance: in every interval of a train that runs.
+        """
+        e = self.jerk_mps3 * interval_s * interval_s / 24.0
+        return white + e * e if e * e >= NEGLIGIBLE * white else white
+
+    def bound_variance(self, bound_mps: float, interval_s: float, phases: int = 1) -> float:
+        """The variance of v = 0, taken as an observation, where |v| < b in the middle of Δ, in (m/s)².
+
+        What is bounded is the mean speed, by d/Δ: R = (d/Δ)²/3 + e² for a window that begins at a pulse (`phases` 1: the
+        place where it ends is uniform), (d/Δ)²/6 + e² for one that begins and ends anywhere; at most b²/3.
+        """
+        at_most = bound_mps * bound_mps / 3.0
+        if interval_s <= 0.0:
+            return at_most
+        mean = self.path_m(bound_mps, interval_s) / interval_s
+        e = self.jerk_mps3 * interval_s * interval_s / 24.0
+        return min(at_most, mean * mean / (3.0 * phases) + e * e)
+
+    def window_s(self, path_m: float) -> float:
+        """How long a window must be for its bound to say most, in s.
+
+        The variance R of `bound_variance` comes once in Δ; R Δ is least at Δ⁶ = 38.4 d²/J². From 2 √(d/A) on the bound itself
+        falls no further.
+        """
+        return max(2.0 * math.sqrt(path_m / self.acceleration_mps2), BEST_WINDOW * math.cbrt(path_m / self.jerk_mps3))
 
 
 class Silence:
-    """How long no pulse came: worth a bound after a whole period, and again each time it has doubled."""
+    """Windows without a pulse, end to end: each is worth one bound, of less than a pitch from where it began.
 
-    def __init__(self, since_s: float, period_s: float) -> None:
-        self._period_s = period_s
-        self.broken(since_s)
+    They do not overlap each other, and what is left of the interval to the next pulse begins where the last one ended. So
+    nothing is stated twice, and what bounds and values say adds up to the pitches that were counted: a train that creeps is
+    not held for standing.
+    """
+
+    def __init__(self, since_s: float, pitch_m: float, limits: Limits, window_s: float | None = None) -> None:
+        self._pitch_m, self._limits = pitch_m, limits
+        self._window_s = limits.window_s(pitch_m) if window_s is None else window_s
+        self._since_s, self._stated_s = since_s, -math.inf
 
     def broken(self, at_s: float) -> None:
         """A pulse came."""
-        self._since_s, self._bound_after_s = at_s, self._period_s
+        self._since_s = at_s
 
-    def bound(self, t_s: float, pitch_m: float) -> Measured | None:
-        """|v| < p/Δt, true at the middle of the silence Δt; None where that is no news."""
-        silent = t_s - self._since_s
-        if not self._bound_after_s <= silent <= LONGEST_BOUND_S:
+    def bound(self, t_s: float, less_s: float = 0.0) -> Measured | None:
+        """The bound of the window that ends now, true at its middle; None where it is too short to say much.
+
+        `less_s`: by how much the window may be shorter than the device's clock says.
+        """
+        long_s = t_s - self._since_s
+        if long_s < self._window_s * (1.0 - 1e-9):
             return None
-        # said each time the silence has doubled: each bound is then news, not the last one again
-        self._bound_after_s = 2.0 * silent
-        bound = max(pitch_m / silent, LEAST_BOUND_MPS)
-        return Measured(t_s - 0.5 * silent, {"speed_max_mps": bound, "interval_s": silent})
+        self._since_s = self._stated_s = t_s
+        bound = max(self._limits.speed_bound(self._pitch_m, long_s - less_s), LEAST_BOUND_MPS)
+        return Measured(t_s - 0.5 * long_s, {"speed_max_mps": bound, "interval_s": long_s - less_s})
+
+    def rest(self, pulse_s: float) -> tuple[float, float]:
+        """Where the interval that the pulse before began begins, without what bounds were stated for, in s, and the variance
+        of the way through it that this costs, in m²: the train was anywhere in a pitch.
+        """
+        if self._stated_s <= pulse_s:
+            return pulse_s, 0.0
+        return self._stated_s, self._pitch_m * self._pitch_m / 3.0
+
+
+def legs(motion: Motion, from_s: float, from_mps: float, to_s: float, to_mps: float) -> list[tuple[float, float]]:
+    """[from, to], in s, in two at the time when the train turns round, if it does between speeds of opposite signs."""
+    if from_mps * to_mps >= 0.0:
+        return [(from_s, to_s)]
+    turn_s = _falls_through(lambda t: motion.at(t)[1] * from_mps, from_s, to_s)
+    return [(from_s, turn_s), (turn_s, to_s)]
+
+
+def _falls_through(f: Callable[[float], float], low: float, high: float) -> float:
+    for _ in range(40):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if f(middle) > 0.0 else (low, middle)
+    return low

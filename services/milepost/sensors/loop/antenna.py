@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
 from milepost.simulation.motion import Motion
 
+from ..pulses import legs
 from .crossings import Crossings, Unseen
 
 # an antenna that saw so many pulses fewer than the other is over a joint: one is missed, one more may be on its way
@@ -22,31 +24,45 @@ class Pulses(NamedTuple):
 
 
 class Antenna:
-    """One antenna, `offset_m` ahead of the train's position; it sees crossings from (t, s) on."""
+    """One antenna, `offset_m` ahead of the train's position; it hears crossings either way from time t on."""
 
-    def __init__(self, crossings: Crossings, unseen: Unseen, motion: Motion, offset_m: float, position_m: float) -> None:
+    def __init__(self, crossings: Crossings, unseen: Unseen, motion: Motion, offset_m: float, t_s: float) -> None:
         self._crossings, self._unseen, self._motion, self._offset = crossings, unseen, motion, offset_m
-        self._k = crossings.last_before(position_m + offset_m)
-        self._next_m = self._next()
+        self._s, self._v, _ = motion.at(t_s)
+        # the antenna is between crossings k and k + 1
+        self._k = crossings.last_before(self._s + offset_m)
+        self._below, self._above = crossings.position(self._k), crossings.position(self._k + 1)
         self._pulse_s: float | None = None
 
-    def look(self, t0: float, s0: float, t1: float, s1: float, v1: float) -> Pulses | None:
-        """The pulses of the window (t0, t1], in which the train went from s0 to s1; None where there was none."""
-        reach, count, last_m = s1 + self._offset, 0, 0.0
-        while self._next_m <= reach:
-            count, last_m = count + 1, self._next_m
-            self._next_m = self._next()
+    def look(self, from_s: float, to_s: float) -> Pulses | None:
+        """The pulses of the window (from, to]; None where there was none."""
+        motion, count, pulse_s = self._motion, 0, 0.0
+        v0, (_, self._v, _) = self._v, motion.at(to_s)
+        for t0, t1 in legs(motion, from_s, v0, to_s, self._v):
+            s0, (s1, v1, _) = self._s, motion.at(t1)
+            passed, last_m = self._passed(s1 + self._offset)
+            if passed:
+                count, pulse_s = count + passed, crossed_at(motion, last_m - self._offset, t0, s0, t1, s1, v1)
+            self._s = s1
         if not count:
             return None
-        pulse_s = crossed_at(self._motion, last_m - self._offset, t0, s0, t1, s1, v1)
         before_s, self._pulse_s = self._pulse_s, pulse_s
         return Pulses(count, pulse_s, before_s)
 
-    def _next(self) -> float:
-        self._k += 1
-        while self._k in self._unseen:
+    def _passed(self, position_m: float) -> tuple[int, float]:
+        """How many crossings the antenna sees on its way to a position without turning round, and where the last one lies."""
+        count, last_m = 0, 0.0
+        while self._above <= position_m:
             self._k += 1
-        return self._crossings.position(self._k)
+            if self._k not in self._unseen:
+                count, last_m = count + 1, self._above
+            self._below, self._above = self._above, self._crossings.position(self._k + 1)
+        while self._below > position_m:
+            if self._k not in self._unseen:
+                count, last_m = count + 1, self._below
+            self._k -= 1
+            self._below, self._above = self._crossings.position(self._k), self._below
+        return count, last_m
 
 
 class Single:
@@ -85,5 +101,5 @@ def crossed_at(motion: Motion, at_m: float, t0: float, s0: float, t1: float, s1:
     """The time in [t0, t1] at which the train passed `at_m`: the chord's, then one Newton step (over 10 ms: to 1e-12 s)."""
     t = t0 + (at_m - s0) / (s1 - s0) * (t1 - t0)
     s, v, _ = motion.at(t)
-    t += (at_m - s) / max(v, 0.5 * v1, 1e-3)
+    t += (at_m - s) / math.copysign(max(abs(v), 0.5 * abs(v1), 1e-3), s1 - s0)
     return min(max(t, t0), t1)

@@ -9,12 +9,10 @@ from milepost.recordings.measured import Measured
 from milepost.simulation.noise import WhiteNoise
 
 from ..base import PeriodicSource, World
-from ..pulses import Silence
+from ..pulses import SHORTEST_PART, Limits, Silence, legs
 
 # creep is integrated in steps of this; its ramps are many times as long
 STEP_S = 0.02
-# edges closer in time than this part of a period come of the train's reversing on one
-SHORTEST_PART = 0.1
 
 
 class DeviceOptions(Protocol):
@@ -28,6 +26,9 @@ class DeviceOptions(Protocol):
 
     @property
     def pitch_m(self) -> float: ...
+
+    @property
+    def limits(self) -> Limits: ...
 
 
 class Wheel:
@@ -50,6 +51,10 @@ class Wheel:
         path = self._motion.at(to_s)[0] - self._motion.at(from_s)[0] + self._crept(from_s, to_s)
         return path * self._pulses_per_turn / (math.pi * self.diameter_m(0.5 * (from_s + to_s)))
 
+    def legs(self, from_s: float, to_s: float) -> list[tuple[float, float]]:
+        """The time between, in two where the wheel turns round with the train."""
+        return legs(self._motion, from_s, self._motion.at(from_s)[1], to_s, self._motion.at(to_s)[1])
+
     def _crept(self, from_s: float, to_s: float) -> float:
         if self._creep is None or to_s <= from_s:
             return 0.0
@@ -70,7 +75,7 @@ class _Device(PeriodicSource):
     def __init__(self, unit: str, wheel: Wheel, options: DeviceOptions, world: World, from_s: float) -> None:
         super().__init__(1.0 / options.rate_hz, from_s, world.motion.end_s, options.phase_s)
         self._wheel = wheel
-        self._pitch_m = options.pitch_m
+        self._pitch_m, self._limits = options.pitch_m, options.limits
         self._jitter_s = min(options.jitter_s, 0.49 * self.period_s)
         self._noise_std = options.speed_noise_std_mps
         self._noise = WhiteNoise(world.seed, unit)
@@ -88,48 +93,59 @@ class _Device(PeriodicSource):
         return max(t, 0.0)
 
     def _reading(self, index: int, measured_s: float, speed: float, variance: float, interval_s: float) -> Measured:
+        white = variance + self._noise_std**2
         fields = {
             "speed_mps": speed + self._noise_std * self._noise[index],
-            "speed_variance_m2ps2": variance + self._noise_std**2,
+            "speed_variance_m2ps2": self._limits.mean_variance(white, interval_s),
             "interval_s": interval_s,
         }
         return Measured(measured_s, fields)
 
 
 class TimedPulses(_Device):
-    """v = q n/Δt between the last edges of two samples, each timed to τ: n is exact, R = v² τ²/(6 Δt²) + noise.
+    """v = q n/Δt between the last edges of two samples, each timed to τ: n is exact, R = v² τ²/(6 Δt²) + noise + e².
 
-    q = π D/N at the told diameter. Two channels tell the direction: n has its sign. True at mid-interval, where the mean
-    speed is the speed up to a'Δt²/24. The difference of two errors uniform over τ has the variance τ²/6. Source: D (1),
-    with the interval measured instead of assumed.
+    q = π D/N at the told diameter. Two channels tell the direction: n has its sign, and is what the wheel turned also where
+    it turned round. True at mid-interval, where the mean speed is the speed up to e = J Δt²/24. After a bound, Δt is what is
+    left of the interval, and R grows by q²/(3 Δt²). The difference of two errors uniform over τ has the variance τ²/6.
+    Source: D (1), with the interval measured instead of assumed.
     """
 
     def __init__(self, unit: str, wheel: Wheel, options: DeviceOptions, world: World, from_s: float) -> None:
         super().__init__(unit, wheel, options, world, from_s)
         self._timer_s = options.timer_s or 0.0
         self._edge: tuple[int, float] | None = None
-        self._silence = Silence(self._t, self.period_s)
+        self._silence = Silence(self._t, self._pitch_m, options.limits)
 
     def sample(self, index: int, t_s: float) -> Measured | None:
-        from_s, before = self._t, self._pulses
-        turned = self._wheel.turned(from_s, t_s)
-        self._t, self._pulses = t_s, before + turned
-        if math.floor(self._pulses) == math.floor(before):
-            return self._silence.bound(t_s, self._pitch_m)
-        # going backwards, the last edge passed is the one above
-        number = math.floor(self._pulses) + (turned < 0.0)
-        edge_s = math.floor(self._when(number - before, turned, from_s, t_s) / self._timer_s) * self._timer_s
-        last = self._edge
-        if last is not None and edge_s - last[1] < SHORTEST_PART * self.period_s:
-            return None
-        self._edge = (number, edge_s)
-        self._silence.broken(edge_s)
+        """The speed between the last edges; a bound where there has been none for long."""
+        from_s, self._t = self._t, t_s
+        edge = None
+        for t0, t1 in self._wheel.legs(from_s, t_s):
+            edge = self._last_edge(t0, t1) or edge
+        if edge is None:
+            return self._silence.bound(t_s)
+        last, self._edge = self._edge, edge
+        self._silence.broken(edge[1] + self._timer_s)
         if last is None:
             return None
-        dt = edge_s - last[1]
-        speed = self._pitch_m * (number - last[0]) / dt
-        timing_variance = (speed * self._timer_s / dt) ** 2 / 6.0
-        return self._reading(index, last[1] + 0.5 * dt, speed, timing_variance, dt)
+        begin_s, doubt_m2 = self._silence.rest(last[1])
+        dt = edge[1] - begin_s
+        if dt < SHORTEST_PART * self.period_s:
+            return None
+        speed = self._pitch_m * (edge[0] - last[0]) / dt
+        variance = (speed * self._timer_s / dt) ** 2 / 6.0 + doubt_m2 / (dt * dt)
+        return self._reading(index, begin_s + 0.5 * dt, speed, variance, dt)
+
+    def _last_edge(self, from_s: float, to_s: float) -> tuple[int, float] | None:
+        """Number and time of the last edge that the wheel passes on its way one way; None where it passes none."""
+        before, turned = self._pulses, self._wheel.turned(from_s, to_s)
+        self._pulses = before + turned
+        if math.floor(self._pulses) == math.floor(before):
+            return None
+        # going backwards, the last edge passed is the one above
+        number = math.floor(self._pulses) + (turned < 0.0)
+        return number, math.floor(self._when(number - before, turned, from_s, to_s) / self._timer_s) * self._timer_s
 
     def _when(self, pulses: float, turned: float, from_s: float, to_s: float) -> float:
         """The time at which the wheel has turned by `pulses` since `from_s`: the chord's, then three secant steps."""
@@ -144,15 +160,18 @@ class CountedPulses(_Device):
 
     A count of an interval of random phase that holds x pulses errs with variance f(1 - f), f the fraction of x; its mean
     over f is 1/6. σ_j² = jitter²/3: both ends of the interval are off. Successive errors cancel (each end is shared),
-    so that calling them white claims too little rather than too much. Source: D (1).
+    so that calling them white claims too little rather than too much. A count of none is a bound, whose period may have
+    been shorter by both jitters. Source: D (1).
     """
 
     def __init__(self, unit: str, wheel: Wheel, options: DeviceOptions, world: World, from_s: float) -> None:
         super().__init__(unit, wheel, options, world, from_s)
-        self._nominal_s = self._index / options.rate_hz + options.phase_s - self.period_s
-        self._silence = Silence(self._nominal_s, self.period_s)
+        nominal_s = self._index / options.rate_hz + options.phase_s - self.period_s
+        # each count of none weighs as much as each count of one, or the mean of both would not be the speed
+        self._silence = Silence(nominal_s, self._pitch_m, options.limits, self.period_s)
 
     def sample(self, index: int, t_s: float) -> Measured | None:
+        """The speed of the pulses counted in a period; a bound where there were none."""
         before = math.floor(self._pulses)
         self._pulses += self._wheel.turned(self._t, t_s)
         self._t = t_s
@@ -160,7 +179,7 @@ class CountedPulses(_Device):
         nominal_s = index * T + self._phase_s
         count = math.floor(self._pulses) - before
         if not count:
-            return self._silence.bound(nominal_s, self._pitch_m)
+            return self._silence.bound(nominal_s, less_s=2.0 * self._jitter_s)
         self._silence.broken(nominal_s)
         speed = self._pitch_m * count / T
         variance = self._pitch_m**2 / (6.0 * T * T) + 2.0 / 3.0 * (self._jitter_s * speed / T) ** 2

@@ -12,7 +12,8 @@ from milepost.estimation.layout import PrivateState
 from milepost.recordings.measured import Source
 from milepost.recordings.options import STRICT
 
-from ..base import Belief, Observed, Observer, Sensor, SensorOptions, World
+from ..base import Belief, Observed, Observer, Sensor, World
+from ..pulses import PulseOptions
 from ..scale import SCALE, scaled_speed
 from .calibration import Calibration, as_knowledge, from_bytes, to_bytes
 from .device import CountedPulses, TimedPulses, Wheel
@@ -31,7 +32,7 @@ class SimulatedWheel(BaseModel):
     wear_mps: Annotated[float, Field(ge=0.0, le=1e-3)] = 0.0
 
 
-class OdometerOptions(SensorOptions):
+class OdometerOptions(PulseOptions):
     """`diameter_m` is what the device is told; `scale_std` how far, relatively, the wheel may be off it.
 
     `timer_s`: the resolution with which the device times pulse edges; null: it only counts them in each nominal period.
@@ -75,12 +76,17 @@ class Odometer(Sensor[OdometerOptions]):
         return (PrivateState("scale", 0.0, self.options.scale_std, noise_psd=self.options.scale_noise_psd),)
 
     def observe(self, reading: Any, belief: Belief | None) -> Sequence[Observed]:
-        """One row; silence, |v| < b (1 + κ) either way, as v = 0 with the variance of an error uniform within that."""
+        """One row; a bound, |v| < b (1 + κ) either way, as v = 0 with the variance that `pulses` says.
+
+        A window of a device that times edges begins at one, that of a device that counts anywhere.
+        """
         if reading.speed_mps is not None:
             scale = self.private_states[0]
             return (scaled_speed(reading.speed_mps, reading.speed_variance_m2ps2, belief, scale),)
         bound = reading.speed_max_mps * (1.0 if belief is None else 1.0 + float(belief.mean[SCALE]))
-        return (Observed((0.0, 1.0, 0.0, 0.0), 0.0, bound * bound / 3.0),)
+        phases = 2 if self.options.timer_s is None else 1
+        variance = self.options.limits.bound_variance(bound, reading.interval_s, phases)
+        return (Observed((0.0, 1.0, 0.0, 0.0), 0.0, variance),)
 
     def snapshot(self, belief: Belief, at_ns: int) -> bytes | None:
         """The scale that was learned."""
