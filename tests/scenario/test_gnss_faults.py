@@ -10,6 +10,7 @@ import pytest
 import yaml
 from harness import PERIOD_NS, ROOT, at
 
+from examples import gnss_log
 from milepost.config.scenario_file import load_scenario
 from milepost.evaluation.run_log import RunLog
 from milepost.offline.run import simulate
@@ -81,7 +82,7 @@ def journey(folder: Path, fault: Fault, fault_s: float) -> RunLog:
 )
 def test_a_faulty_receiver_is_not_believed(tmp_path: Path, fault: Fault, lasts_s: float, let_in: int) -> None:
     log = journey(tmp_path, fault, lasts_s)
-    sound = {at(fix.t_s) for fix in read_gnss_log(LOG) if fix.solution == "rtk_fixed" and fix.t_s < UNTIL_S - 0.1}
+    sound = {at(fix.t_s) for fix in read_gnss_log(gnss_log(LOG)) if fix.solution == "rtk_fixed" and fix.t_s < UNTIL_S - 0.1}
     onset, end, proved = at(FROM_S), at(FROM_S + lasts_s), at(FROM_S + lasts_s + 6.5)
     counted = log.counted["gnss"]
     assert len([ns for ns in counted if onset < ns <= end]) <= let_in
