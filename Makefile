@@ -2,12 +2,12 @@
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
-TRAIN ?= deploy/trains/full.yaml
+TRAIN ?= full
 UP ?=
 
-.PHONY: help up test lint bench compose-test schema clean
+.PHONY: help up test test-fast lint bench compose-test pictures schema clean
 
-help: ## this list
+help: ## show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## /{printf "  make %-14s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 
 # requirements.lock pins everything as constraints; the projects say what they need
@@ -22,26 +22,35 @@ $(VENV)/.bench: $(VENV)/.ready
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c requirements.lock -e ./schemas -e '.[dev,bench]'
 	touch $@
 
-up: $(VENV)/.ready ## start the default train and show it (TRAIN=file, UP="--duration 60 --report out.json")
+up: $(VENV)/.ready ## start the default train and show it (TRAIN=name or file, UP="--duration 60 --report out.json")
 	$(BIN)/milepost up --train $(TRAIN) $(UP)
 
-test: $(VENV)/.ready ## all tests but the container ones
-	$(BIN)/python -m pytest -m "not compose"
+# live trains are tested alone: their deadlines must not compete with other tests for the cores
+test: $(VENV)/.ready ## run all tests except those that need a container engine
+	$(BIN)/python -m pytest -n logical --dist loadfile -m "not system and not compose"
+	$(BIN)/python -m pytest -m "system and not compose"
 
-lint: $(VENV)/.ready ## ruff and mypy --strict
+test-fast: $(VENV)/.ready ## run the quick tests of units, contracts, properties and golden runs
+	$(BIN)/python -m pytest -n logical --dist worksteal --hypothesis-profile=fast -m "not slow" \
+		tests/unit tests/contract tests/property tests/replay
+
+lint: $(VENV)/.ready ## run ruff and mypy --strict, compare the exported schemas
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/milepost schema --check
 
-bench: $(VENV)/.bench ## step costs, codec, offline speed, live latency and load, beside peers
+bench: $(VENV)/.bench ## measure step costs, codec, offline speed, live latency and load, beside peers
 	$(BIN)/python -m tests.bench
 
-compose-test: $(VENV)/.ready ## bring compose.yaml up for real and look at it from outside
+compose-test: $(VENV)/.ready ## test compose.yaml with a container engine
 	$(BIN)/python -m pytest -m compose tests/compose
 
 schema: $(VENV)/.ready ## export the JSON Schemas
 	$(BIN)/milepost schema
+
+pictures: $(VENV)/.ready ## draw the pictures of the README again
+	$(BIN)/python docs/pictures.py
 
 clean: ## remove what make made
 	rm -rf $(VENV) .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -10,6 +10,8 @@ from hypothesis import settings
 
 # without deadlines: shared machines stall; derandomised: the same examples on every machine, no rerun decides anything
 settings.register_profile("milepost", deadline=None, derandomize=True, max_examples=60)
+# for make test-fast: pytest --hypothesis-profile=fast
+settings.register_profile("fast", deadline=None, derandomize=True, max_examples=15)
 settings.load_profile("milepost")
 
 sys.path.insert(0, str(Path(__file__).parent))

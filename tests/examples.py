@@ -10,11 +10,14 @@ from typing import Any
 import yaml
 from pydantic import BaseModel
 
+from milepost.recordings.column_options import RecordingOptions
+from milepost.recordings.gnss_log import with_default_columns
 from milepost.recordings.measured import Measured, Source
 from milepost.sensors import SENSORS
 from milepost.sensors.base import World
 from milepost.simulation.motion import Profile, WhiteJerkMotion
 from milepost.track.line import Balise, Line
+from milepost.track.track import Track
 from milepost_schemas import (
     AbsoluteFix,
     BalisePassed,
@@ -152,6 +155,7 @@ EXAMPLES: dict[str, tuple[Message, ...]] = {
             uptime_s=12.5,
             received_hz={"speed_reading": 100.0},
             sent_hz={"estimate": 100.0},
+            expected_hz={"speed_reading": 100.0, "estimate": 100.0},
             refused={"duplicate": 2},
             rewinds=3,
             gaps=1,
@@ -213,29 +217,15 @@ def without(fields: Mapping[str, Any], at: Path_) -> dict[str, Any]:
     return out
 
 
-# options of every kind of sensor beside `kind`; SIMULATED kinds can be opened on a world
-SENSOR_OPTIONS: dict[str, dict[str, Any]] = {
-    "doppler_radar": {},
-    "janus_radar": {},
-    "induction_loop": {},
-    "odometer": {"rate_hz": 50.0},
-    "imu": {},
-    "gnss": {},
-    "balise_reader": {},
-}
-REPLAYED_ONLY = {"gnss"}
-
-
-def options_of(kind: str) -> dict[str, Any]:
-    """Valid options of a kind of sensor."""
-    assert kind in SENSOR_OPTIONS, f"tests/examples.py: SENSOR_OPTIONS has no entry for the sensor {kind!r}; add one"
-    return {"kind": kind, **SENSOR_OPTIONS[kind]}
-
-
 def sensor(kind: str, line: Line, unit: str = "unit", **options: Any) -> Any:
-    """A sensor of a kind on a line."""
+    """A sensor of a kind on a line; what is not given has the kind's own default."""
     row = SENSORS[kind]
-    return row(unit, row.options_model.model_validate({**options_of(kind), **options}), line)
+    return row(unit, row.options_model.model_validate({"kind": kind, **options}), line)
+
+
+def gnss_log(path: Path) -> RecordingOptions:
+    """A log with the default columns, as a train file's bare path means it."""
+    return RecordingOptions.model_validate(with_default_columns(path))
 
 
 def all_readings(source: Source) -> list[Measured]:
@@ -253,6 +243,12 @@ def straight_line(length_m: float = 10_000.0, every_m: float = 100.0) -> Line:
     count = int(length_m / every_m)
     balises = tuple(Balise(f"b{i:05d}", i * every_m, 0.05) for i in range(1, count + 1))
     return Line("test-line", length_m, balises)
+
+
+def surveyed_line() -> Line:
+    """A line of 10 km with geometry, due north, with a balise every 100 m."""
+    track = Track([(4.5, 50.9 + 0.01 * i) for i in range(10)])
+    return Line("test-line", track.length_m, straight_line(track.length_m).balises, 0.0, track)
 
 
 def world(

@@ -1,7 +1,7 @@
 """The contract of Milepost: messages, codec and stream table. A dispatch tool needs nothing else."""
 
 from .codec import Refused, decode, encode, from_fields
-from .estimate import AbsoluteFix, Estimate, Feedback, LinearObservation
+from .estimate import AbsoluteFix, Estimate, Feedback, JudgedReading, LinearObservation
 from .health import Event, Health, Spread
 from .message import COMMON_STATES, Gaussian, Message, Part
 from .reading import BaliseTelegram, InertialReading, PositionReading, SpeedReading
@@ -23,6 +23,7 @@ __all__ = [
     "Gaussian",
     "Health",
     "InertialReading",
+    "JudgedReading",
     "LinearObservation",
     "Message",
     "Part",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, ClassVar
+from typing import Annotated, Any, ClassVar
 
 from pydantic import Field
 
@@ -14,8 +14,8 @@ Coefficient = Annotated[float, Field(ge=-1e6, le=1e6)]
 class LinearObservation(Part):
     """One scalar observation z = h x + e, e ~ N(0, R), over [s, v, a, the unit's private states].
 
-    `row` is h, `value` is z, `variance` is R. (`sensor_instance`, `reading_sequence`, `component`) is its identity:
-    whoever repeats it, it counts once.
+    `row` is h, `value` is z, `variance` is R. The unit, `measured_at_ns` and `component` are its identity: whoever repeats it,
+    under whatever instance, it counts once.
     """
 
     sensor_instance: Name
@@ -27,17 +27,36 @@ class LinearObservation(Part):
     variance: Variance
 
 
+class JudgedReading(Part):
+    """A reading as the sensor stated it, for whoever linearises and judges it anew, and the filter's own judgement.
+
+    `fields` are the reading's own, by the schema of the unit's sensor. `rows`: how many of the estimate's observations, by
+    component from 0, are this reading's. `counts`: whether the filter lets it count; `why` not, where it does not.
+    """
+
+    sensor_instance: Name
+    reading_sequence: Count
+    measured_at_ns: TimeNs
+    fields: dict[str, Any]
+    rows: Count
+    counts: bool
+    why: str | None = None
+
+
 class Estimate(Message):
     """A local filter's belief at `measured_at_ns` and the linearised observations of the readings that are new in it.
 
-    The observations do not depend on the filter's history, restarts or feedback. `feedback_epoch_ns` is the epoch of
-    the last feedback that the belief contains.
+    The rows of linear sensors with plain filters depend on the reading alone. Rows that are linearised, judged or weighted at
+    the filter's belief depend on the feedback in it: of those that are linearised or judged, `readings` has what the sensor
+    stated, so that the fuser can do both by itself; those of filters that learn a variance count as they come.
+    `feedback_epoch_ns` is the epoch of the last feedback that the belief contains.
     """
 
     SCHEMA: ClassVar[str] = "estimate"
 
     belief: Gaussian
     observations: list[LinearObservation]
+    readings: list[JudgedReading] = Field(default_factory=list)
     feedback_epoch_ns: TimeNs | None = None
 
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import ClassVar, Literal
 
+from pydantic import Field
+
 from .message import Count, Message, NonNegative, Part
 
 
@@ -16,13 +18,18 @@ class Spread(Part):
 
 
 class Health(Message):
-    """Once a second, of every process: what came in and went out, what was refused and why, how long a step took."""
+    """Once a second, of every process: what came in and went out, what was refused and why, how long a step took.
+
+    Rates are by stream, over all units that send on it. `expected_hz` is the least rate that the train file sets for a stream
+    that the process receives or sends; what has no rate of its own (pulses, balises) adds nothing to it.
+    """
 
     SCHEMA: ClassVar[str] = "health"
 
     uptime_s: NonNegative
     received_hz: dict[str, NonNegative]
     sent_hz: dict[str, NonNegative]
+    expected_hz: dict[str, NonNegative] = Field(default_factory=dict)
     refused: dict[str, Count]
     rewinds: Count
     gaps: Count

@@ -1,6 +1,7 @@
-"""THE STREAM TABLE: what travels, on which key, how often, with what quality of service.
+"""THE STREAM TABLE: what travels, on which key, what sets its rate, with what quality of service.
 
-Liveness, recording, quality of service, JSON Schemas and contract tests derive from these rows: a new stream is a row.
+Keys, quality of service, the expected rates in `health`, JSON Schemas and contract tests derive from these rows: a new
+stream is a row.
 """
 
 from __future__ import annotations
@@ -16,6 +17,9 @@ from .state import FusedState, Truth
 
 ROOT = "milepost/v1"
 
+# What sets a stream's rate: the period of the unit in the train file; the epochs (`fusion.period_ms`); every so many epochs
+# (`fusion.feedback_every`); the clock, once a second; or nothing, where messages come as things happen.
+Pace = Literal["unit", "epoch", "feedback", "second", "event"]
 Priority = Literal["real_time", "interactive_high", "data_high", "data", "background"]
 
 
@@ -23,17 +27,16 @@ Priority = Literal["real_time", "interactive_high", "data_high", "data", "backgr
 class Stream:
     """One row of the table.
 
-    `key` is below `milepost/v1/{train}/`. `rate_hz` None is event-driven. `cached` > 0 asks for a publisher that remembers
-    so many messages and lets interrupted subscribers recover them. `recorded` goes into recordings.
+    `key` is below `milepost/v1/{train}/`. `cached` > 0 asks for a publisher that remembers so many messages; subscribers
+    recover what an interruption lost of them where the stream is paced by events.
     """
 
     name: str
     key: str
     message: type[Message]
-    rate_hz: float | None
+    paced_by: Pace
     priority: Priority
     cached: int
-    recorded: bool
     purpose: str
 
     def key_for(self, train: str, unit: str = "*") -> str:
@@ -42,32 +45,25 @@ class Stream:
 
 
 STREAMS: tuple[Stream, ...] = (
-    Stream(
-        "speed_reading", "reading/{unit}", SpeedReading, 100.0, "interactive_high", 0, True, "speed from radar, loop or wheel"
-    ),
-    Stream(
-        "position_reading", "reading/{unit}", PositionReading, 2.5, "interactive_high", 0, True, "position from a GNSS receiver"
-    ),
+    Stream("speed_reading", "reading/{unit}", SpeedReading, "unit", "interactive_high", 0, "speed from radar, loop or wheel"),
+    Stream("position_reading", "reading/{unit}", PositionReading, "unit", "interactive_high", 0, "position from GNSS"),
     Stream(
         "inertial_reading",
         "reading/{unit}",
         InertialReading,
-        20.0,
+        "unit",
         "interactive_high",
         0,
-        True,
         "specific force and turn rate from an inertial unit",
     ),
-    Stream("balise_telegram", "reading/{unit}", BaliseTelegram, None, "interactive_high", 0, True, "a balise under the reader"),
-    Stream(
-        "estimate", "estimate/{unit}", Estimate, 100.0, "interactive_high", 0, True, "a local filter's belief and observations"
-    ),
-    Stream("fix", "fix/{unit}", AbsoluteFix, None, "interactive_high", 50, True, "an absolute position from a balise"),
-    Stream("feedback", "feedback", Feedback, 50.0, "interactive_high", 50, True, "the fused state, back to the filters"),
-    Stream("state", "state", FusedState, 50.0, "real_time", 50, True, "the product, for dispatch tools"),
-    Stream("event", "event", Event, None, "data", 50, True, "what a person should read"),
-    Stream("health", "health/{unit}", Health, 1.0, "background", 0, True, "how a process is doing"),
-    Stream("truth", "@sim/truth", Truth, 50.0, "background", 0, True, "the simulated train, for comparison only"),
+    Stream("balise_telegram", "reading/{unit}", BaliseTelegram, "event", "interactive_high", 0, "a balise under the reader"),
+    Stream("estimate", "estimate/{unit}", Estimate, "unit", "interactive_high", 0, "a local filter's belief and observations"),
+    Stream("fix", "fix/{unit}", AbsoluteFix, "event", "interactive_high", 50, "an absolute position from a balise"),
+    Stream("feedback", "feedback", Feedback, "feedback", "interactive_high", 50, "the fused state, back to the filters"),
+    Stream("state", "state", FusedState, "epoch", "real_time", 50, "the product, for dispatch tools"),
+    Stream("event", "event", Event, "event", "data", 50, "what a person should read"),
+    Stream("health", "health/{unit}", Health, "second", "background", 0, "how a process is doing"),
+    Stream("truth", "@sim/truth", Truth, "epoch", "background", 0, "the simulated train, for comparison only"),
 )
 
 BY_NAME: dict[str, Stream] = {row.name: row for row in STREAMS}

@@ -1,5 +1,5 @@
 """`python -m milepost` is `milepost`."""
 
-from milepost.cli.main import main
+from milepost.cli.entry import main
 
 main()

@@ -10,8 +10,10 @@ import sys
 
 import numpy as np
 
-from .live import WINDOW_S, measure_full_load, measure_raw, measure_train
+from .live import WINDOW_S, measure_full_load, measure_raw, measure_startup, measure_train
 from .steps import measure_nodes, measure_offline, measure_steps
+
+STARTS = 5
 
 
 def say(text: str) -> None:
@@ -43,6 +45,7 @@ def main() -> None:
             "p50_over_raw": float(np.median([p["train"]["p50_ms"] / p["raw"]["p50_ms"] for p in pairs])),
             "load_cores": float(np.median([p["load_cores"] for p in pairs])),
             "full_load_cores": measure_full_load(),
+            "startup": measure_startup(STARTS),
         }
     if options.json:
         print(json.dumps(found, indent=2))
@@ -68,6 +71,9 @@ def table(found: dict) -> None:
     print(f"p50 over raw, median of {len(live['pairs'])} pairs       {live['p50_over_raw']:8.2f}               (at most 2)")
     print(f"all processes with router             {live['load_cores']:8.2f} cores         (at most 0.6, aim 0.4)")
     print(f"the train with everything             {live['full_load_cores']:8.2f} cores         (at most 0.8)")
+    startup = live["startup"]
+    print(f"first state after `milepost up`       {startup['first_state_s']:8.2f} s             (at most 4)")
+    print(f"memory of all its processes (PSS)     {startup['memory_pss_mib']:8.0f} MiB           (at most 600, aim 450)")
 
 
 main()

@@ -8,10 +8,12 @@ import socket
 import struct
 import subprocess
 import sys
+import tempfile
 import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
 import msgpack
 import numpy as np
@@ -81,6 +83,23 @@ def measure_train(seconds: float) -> tuple[dict[str, float], float]:
         latencies = [(received[at] - published[at]) / 1e6 for at in received if at in published and at >= begin]
         load = measure_load(up.pid) if seconds >= WINDOW_S else 0.0
     return summary(latencies), load
+
+
+def measure_startup(runs: int) -> dict[str, float]:
+    """Medians of the time from the command to the first state of the train with everything, and of the memory of it all."""
+    found = []
+    for _ in range(runs):
+        with tempfile.TemporaryDirectory() as folder:
+            report = Path(folder) / "report.json"
+            command = ["up", "--headless", "--train", FULL, "--duration", "5", "--report", str(report)]
+            subprocess.run(
+                [sys.executable, "-m", "milepost", *command, "--listen", free_endpoint()],
+                stderr=subprocess.DEVNULL,
+                check=True,
+                timeout=120.0,
+            )
+            found.append(json.loads(report.read_text(encoding="utf-8")))
+    return {name: float(np.median([each[name] for each in found])) for name in ("first_state_s", "memory_pss_mib")}
 
 
 def measure_full_load() -> float:

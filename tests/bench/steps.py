@@ -16,8 +16,8 @@ from milepost.estimation.filters.base import FilterSetup
 from milepost.estimation.kalman import ArrayKernel
 from milepost.estimation.layout import Layout
 from milepost.estimation.motion import process_noise, transition
+from milepost.estimation.observation import Observation
 from milepost.estimation.scalar import ScalarKernel
-from milepost.estimation.timeline import Observation
 from milepost.offline.run import simulate
 from milepost_schemas import decode, encode
 

@@ -13,7 +13,7 @@ from milepost.estimation.filters.base import FilterSetup
 from milepost.estimation.fusion import InformationFusion
 from milepost.estimation.layout import Layout
 from milepost.estimation.motion import process_noise, transition
-from milepost.estimation.timeline import Observation
+from milepost.estimation.observation import Observation
 
 Q, T0, STEP_S, STEPS = 1e-2, 1_000_000_000_000, 0.2, 150
 POSITION_STD, SPEED_STD = 2.0, 0.3

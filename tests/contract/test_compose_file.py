@@ -10,11 +10,12 @@ import yaml
 
 from milepost.cli.main import DEFAULT_TRAIN
 from milepost.config.roles import ROLES, Process, processes
+from milepost.config.shipped_files import find_file
 from milepost.config.train import load_train
 
 ROOT = Path(__file__).parents[2]
 SERVICES: dict[str, dict[str, Any]] = yaml.safe_load((ROOT / "compose.yaml").read_text(encoding="utf-8"))["services"]
-TRAIN = load_train(ROOT / DEFAULT_TRAIN)
+TRAIN = load_train(find_file(DEFAULT_TRAIN, "trains"))
 PROCESSES = processes(TRAIN)
 KEEPS = {f"filter-{unit}" for unit, sensor in TRAIN.sensors.items() if sensor.kind == "odometer"}
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import msgpack
 import pytest
@@ -16,6 +16,7 @@ from examples import examples_of, parts, replaced, values, without
 from milepost.cli.schema import schema_files
 from milepost.runtime.bus import PRIORITIES
 from milepost_schemas import ROOT, STREAMS, Message, Refused, Stream, alive_key, decode, encode, rpc_key, simulation_start_key
+from milepost_schemas.streams import Pace
 
 each_row = pytest.mark.parametrize("row", STREAMS, ids=lambda row: row.name)
 
@@ -112,7 +113,7 @@ def test_schema_names_and_versions_name_one_message_each() -> None:
 
 @each_row
 def test_a_row_is_sound(row: Stream) -> None:
-    assert row.rate_hz is None or row.rate_hz > 0.0
+    assert row.paced_by in get_args(Pace)
     assert row.cached >= 0
     assert row.priority in PRIORITIES
     assert row.purpose
@@ -288,15 +289,21 @@ def test_a_gaussian_has_as_many_states_as_means_and_begins_with_the_common_ones(
         assert part in refusal({**fields, part: {**gaussian, **changes}}, row.message).detail
 
 
-@each_row
+WITH_COVARIANCE = [row for row in STREAMS if any(at[-1] == "covariance" for at, _ in values(fields_of(examples_of(row)[0])))]
+
+
+@pytest.mark.parametrize("row", WITH_COVARIANCE, ids=lambda row: row.name)
 def test_an_unsound_covariance_is_refused(row: Stream) -> None:
     for message in examples_of(row):
-        for at, value in values(fields_of(message)):
-            if at[-1] == "covariance":
-                asymmetrical = replaced({"m": value}, ("m", 0, 1), 0.4)["m"]
-                indefinite = replaced(replaced({"m": value}, ("m", 0, 1), 3.0), ("m", 1, 0), 3.0)["m"]
-                for bad in (asymmetrical, indefinite, value[:-1], []):
-                    refusal(replaced(fields_of(message), at, bad), row.message)
+        (at, value) = next((at, value) for at, value in values(fields_of(message)) if at[-1] == "covariance")
+        asymmetrical = replaced({"m": value}, ("m", 0, 1), 0.4)["m"]
+        indefinite = replaced(replaced({"m": value}, ("m", 0, 1), 3.0), ("m", 1, 0), 3.0)["m"]
+        for bad in (asymmetrical, indefinite, value[:-1], []):
+            refusal(replaced(fields_of(message), at, bad), row.message)
+
+
+def test_beliefs_and_states_carry_a_covariance() -> None:
+    assert {row.name for row in WITH_COVARIANCE} == {"estimate", "feedback", "state"}
 
 
 @each_row

@@ -18,8 +18,3 @@ def test_router_file_says_what_the_code_says() -> None:
     in_code = json.loads(str(zenoh.Config.from_json5(json.dumps(zenoh_config.router(["tcp/0.0.0.0:7447"])))))
     assert in_file == in_code
     assert in_file["mode"] == "router"
-
-
-def test_nothing_scouts() -> None:
-    for config in (zenoh_config.router(["tcp/0.0.0.0:7447"]), zenoh_config.client(["tcp/router:7447"])):
-        assert config["scouting"] == {"multicast": {"enabled": False}, "gossip": {"enabled": False}}

@@ -13,7 +13,8 @@ from milepost.estimation.layout import Layout, PrivateState
 from milepost.estimation.shares import FixedShares
 from milepost.estimation.time_units import NS_PER_S
 from milepost.nodes.filter import FilterNode
-from milepost.nodes.fuser import FuserNode, FuserSettings
+from milepost.nodes.fuser import FuserNode
+from milepost.nodes.fuser_settings import FuserSettings
 from milepost.nodes.roster import UnitRow
 from milepost.sensors.base import Observed, Sensor, SensorOptions
 from milepost.track.line import Line

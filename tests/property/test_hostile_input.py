@@ -9,6 +9,7 @@ import pytest
 from invented import NS_PER_S, T0, Plain, drive, filter_of, fix, fuser_of, reading, sensors
 from pydantic import ValidationError
 
+from milepost.estimation.fusion import Fused
 from milepost.track.track import Track
 from milepost_schemas import Estimate, Feedback, Gaussian, SpeedReading
 
@@ -186,7 +187,7 @@ def test_the_interval_holds_the_worst_location_accuracy_until_a_balise_is_known(
     line = Line("l", 1e4, (Balise("a", 100.0, 0.1), Balise("b", 200.0, 12.0)), 0.5)
     writer = StateWriter(line, 20_000_000, 5.0, 100.0)
     head = {"train": "t", "unit": "fuser", "instance": "i", "sequence": 0, "measured_at_ns": T0, "published_at_ns": T0}
-    fused = ([50.0, 20.0, 0.0], (np.eye(3) * 0.01).tolist())
+    fused = Fused([50.0, 20.0, 0.0], (np.eye(3) * 0.01).tolist(), {}, T0 - NS_PER_S)
     presence = Presence({"plain": 0.0}, {"plain": 1.0}, {})
     before = writer.write(head, fused, presence, T0 - NS_PER_S, [], settled=False)
     assert before.position_max_m - before.position_m == pytest.approx(0.5 + 0.5 + 12.0)

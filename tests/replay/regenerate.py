@@ -1,4 +1,4 @@
-"""Golden runs: a few settled states of two scenarios, rounded. `python tests/replay/regenerate.py` writes them anew."""
+"""Golden runs: a few settled states and private states, rounded. `python tests/replay/regenerate.py` writes them anew."""
 
 from __future__ import annotations
 
@@ -7,14 +7,16 @@ from pathlib import Path
 from typing import Any
 
 from milepost.config.scenario_file import load_scenario
+from milepost.config.train import Train, load_train
+from milepost.nodes.base import Output
 from milepost.offline.run import OFFLINE_START_NS, simulate
-from milepost_schemas import FusedState
+from milepost_schemas import Feedback, FusedState
 
 ROOT = Path(__file__).resolve().parents[2]
 GOLDEN = Path(__file__).resolve().parent / "golden"
 EVERY_NS = 5_000_000_000
-# golden file → scenario, seconds
-RUNS = {"loop-radar-balise": 20.0, "brussels-28876": 60.0}
+# golden file, named after a scenario or else a train → seconds. The odometers of `metro` spin and slide before 80 s.
+RUNS = {"loop-radar-balise": 20.0, "brussels-28876": 60.0, "metro": 80.0, "full": 20.0}
 
 
 def missing_data(name: str) -> str | None:
@@ -47,17 +49,36 @@ def summary(state: FusedState) -> dict[str, Any]:
     }
 
 
+def train_of(name: str) -> Train:
+    """The train of a golden run."""
+    scenario = ROOT / f"deploy/scenarios/{name}.yaml"
+    return load_scenario(scenario)[1] if scenario.is_file() else load_train(ROOT / f"deploy/trains/{name}.yaml")
+
+
+def private_states(feedback: Feedback) -> dict[str, list[float]]:
+    """Mean and variance of each private state that the fuser feeds back."""
+    fused = feedback.fused
+    return {
+        name: [rounded(fused.mean[i]), rounded(fused.covariance[i][i])] for i, name in enumerate(fused.states) if "." in name
+    }
+
+
 def run(name: str) -> list[dict[str, Any]]:
-    """The states of a golden run, as this code computes them."""
-    _, train = load_scenario(ROOT / f"deploy/scenarios/{name}.yaml")
+    """The states of a golden run, as this code computes them; with private states where the train has some."""
     kept: list[dict[str, Any]] = []
+    private: dict[float, dict[str, list[float]]] = {}
+
+    def listen(output: Output, now_ns: int) -> None:
+        message = output.message
+        if isinstance(message, Feedback) and message.measured_at_ns % EVERY_NS == 0:
+            private[(message.measured_at_ns - OFFLINE_START_NS) / 1e9] = private_states(message)
 
     def settled(state: FusedState) -> None:
         if state.measured_at_ns % EVERY_NS == 0 and state.measured_at_ns > OFFLINE_START_NS:
             kept.append(summary(state))
 
-    simulate(train, RUNS[name], None, settled)
-    return kept
+    simulate(train_of(name), RUNS[name], listen, settled)
+    return [{**state, "private": private[state["t_s"]]} if private[state["t_s"]] else state for state in kept]
 
 
 def main() -> None:

@@ -18,6 +18,7 @@ from milepost.evaluation.run_log import RunLog
 from milepost.offline.run import simulate
 
 ROOT = Path(__file__).resolve().parents[2]
+pytestmark = pytest.mark.slow
 TRAIN = ROOT / "deploy/trains/maglev.yaml"
 DURATION_S = 9.0
 SEED = 7

@@ -11,16 +11,15 @@ from milepost.config.roles import ROLES, Setting, processes
 from milepost.config.train import Train, load_train
 from milepost.estimation.time_units import NS_PER_S
 from milepost.nodes.base import Node, Output
+from milepost.nodes.faulty import FaultyNode
 from milepost.nodes.fuser import FuserNode
 from milepost.offline.run import OFFLINE_START_NS, OfflineRun
+from milepost.simulation.faults import Fault
 from milepost_schemas import Event, Feedback, FusedState, Message, Truth
 
 ROOT = Path(__file__).resolve().parents[2]
 MAGLEV = ROOT / "deploy/trains/maglev.yaml"
 PERIOD_NS = 20_000_000
-
-# what a link does to a message sent at a scenario time: seconds of delay, None for lost
-Fault = Callable[[float, Message], float | None]
 
 
 def at(t_s: float) -> int:
@@ -31,54 +30,6 @@ def at(t_s: float) -> int:
 def scenario_s(message: Message) -> float:
     """The scenario time at which a message's content was true."""
     return (message.measured_at_ns - OFFLINE_START_NS) / NS_PER_S
-
-
-def silent(from_s: float, to_s: float) -> Fault:
-    """Nothing gets through from one time to another."""
-    return lambda t_s, message: None if from_s <= t_s < to_s else 0.0
-
-
-def delayed(seconds: float, from_s: float = 0.0, to_s: float = float("inf")) -> Fault:
-    """Everything sent from one time to another comes later."""
-    return lambda t_s, message: seconds if from_s <= t_s < to_s else 0.0
-
-
-class Link(Node):
-    """A node whose messages pass a fault before anybody hears them."""
-
-    def __init__(self, inner: Node, fault: Fault) -> None:
-        super().__init__(inner.train, inner.unit, inner.instance)
-        self.inner = inner
-        self.subscriptions = inner.subscriptions
-        self._fault = fault
-        self._held: list[tuple[int, int, Output]] = []
-        self._count = 0
-
-    def step(self, message: Message, now_ns: int) -> Iterable[Output]:
-        return self._pass(self.inner.step(message, now_ns), now_ns)
-
-    def tick(self, now_ns: int) -> Iterable[Output]:
-        due = self.inner.next_tick_ns()
-        passed = self._pass(self.inner.tick(now_ns), now_ns) if due is not None and due <= now_ns else []
-        ready = sorted(held for held in self._held if held[0] <= now_ns)
-        self._held = [held for held in self._held if held[0] > now_ns]
-        return [*[output for _, _, output in ready], *passed]
-
-    def next_tick_ns(self) -> int | None:
-        due = [held[0] for held in self._held]
-        inner = self.inner.next_tick_ns()
-        return min([*due, inner] if inner is not None else due, default=None)
-
-    def _pass(self, outputs: Iterable[Output], now_ns: int) -> list[Output]:
-        passed = []
-        for output in outputs:
-            delay_s = self._fault((now_ns - OFFLINE_START_NS) / NS_PER_S, output.message)
-            if delay_s == 0.0:
-                passed.append(output)
-            elif delay_s is not None:
-                self._held.append((now_ns + round(delay_s * NS_PER_S), self._count, output))
-                self._count += 1
-        return passed
 
 
 @dataclass
@@ -156,7 +107,7 @@ def travel(
         node = ROLES[process.role].build(train, process.unit, setting)
         journey.nodes[process.name] = node
         fault = left.pop(process.name, None)
-        nodes.append(node if fault is None else Link(node, fault))
+        nodes.append(node if fault is None else FaultyNode(node, fault, OFFLINE_START_NS))
     assert not left, f"no such process: {', '.join(left)}"
     run = OfflineRun(train, nodes, journey.tap, journey.keep)
     for when_s, what in sorted(happening, key=lambda entry: entry[0]):

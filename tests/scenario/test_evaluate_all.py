@@ -116,7 +116,7 @@ def test_every_picture_on_the_page_is_there(reported):
 def test_a_scenario_whose_recording_is_absent_is_skipped_and_said_to_be(reported):
     done, report = reported
     assert done.stderr.startswith("skipped absent: ")
-    assert "no-such-recording.csv is not here" in done.stderr
+    assert "no-such-recording.csv does not exist" in done.stderr
     assert "absent" in json.loads((report / "results.json").read_text(encoding="utf-8"))["skipped"]
 
 
@@ -165,7 +165,12 @@ def test_only_those_named_are_run_and_a_name_that_is_none_is_refused(folder):
     assert "tiny" not in done.stdout
     refused = evaluate("--all", folder, "--only", "tinny")
     assert (refused.returncode, len(refused.stderr.splitlines())) == (2, 1)
-    assert "no scenario is called tinny" in refused.stderr
+    assert "no scenario has the name tinny" in refused.stderr
+
+
+def at_work(children: list[psutil.Process], worked_s: float) -> bool:
+    """Whether all children are there, and two of them have had so much of the processor."""
+    return len(children) == 4 and sum(child.cpu_times().user >= worked_s for child in children) >= 2
 
 
 @pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGKILL])
@@ -174,8 +179,9 @@ def test_no_process_outlives_an_evaluation_that_is_ended(folder, how):
     command = [sys.executable, "-m", "milepost", "evaluate", folder / "tiny.yaml", "--runs", "500", "--jobs", "2"]
     running = subprocess.Popen(command, cwd=ROOT, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, start_new_session=True)
     try:
-        # the workers are there: a manager, two of them, and who looks after their resources
-        while len(psutil.Process(running.pid).children()) < 4:
+        # the workers are there: a manager, two of them, and who looks after their resources. A kill waits until they work: one
+        # that has just been started cannot even read what it is for
+        while not at_work(psutil.Process(running.pid).children(), 0.0 if how == signal.SIGINT else 2.0):
             with pytest.raises(subprocess.TimeoutExpired):
                 running.wait(timeout=0.05)
         children = psutil.Process(running.pid).children()
@@ -219,7 +225,7 @@ def test_a_mistake_that_a_worker_finds_is_still_one_line(tmp_path):
             "scores.refresh_hz.estimator: must be one of the scenario's estimators",
         ),
         ({"scores": {"diameter_error_percent_at_m": {"unit": "radar", "at_m": [1.0]}}}, ".unit: radar is no odometer of"),
-        ({"estimators": {"centralised": {}}}, "estimators.centralised: is what one of our own is called"),
+        ({"estimators": {"centralised": {}}}, "estimators.centralised: the name of a built-in estimator"),
         ({"scores": {"refresh_hz": {"unit": "radar"}}}, "scores.refresh_hz.unit: unknown key"),
         ({"scores": {"refresh_hz": {"within": "w"}}, "windows": {"w": "creep"}}, "the wheels of this world do not creep"),
         ({"windows": {"late": [[2.0, 1.0]]}}, "windows.late.0"),

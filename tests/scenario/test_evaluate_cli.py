@@ -12,6 +12,8 @@ from typing import Any
 import pytest
 from harness import MAGLEV, ROOT
 
+from examples import REMOVED, write_train
+
 ESTIMATORS = ["fused", "federated", "centralised", "loop_only"]
 FIGURES = ["position_rms_m", "position_max_m", "position_final_m", "speed_rms_mps", "speed_max_mps", "nees_mean"]
 DURATION_S = 3.0
@@ -130,3 +132,18 @@ def test_what_cannot_be_is_one_line_and_exit_code_2(tmp_path, fields, options, s
     assert done.stdout == ""
     assert len(done.stderr.splitlines()) == 1, done.stderr
     assert said in done.stderr
+
+
+def test_a_truth_that_is_none_is_one_line_and_exit_code_2(tmp_path):
+    """A path that runs back on itself, as the line and as the truth."""
+    places = [*range(40), *reversed(range(39))]
+    rows = "\n".join(f"{k},{6378137.0},0.0,{10.0 * z},0.0,0.0,10.0" for k, z in enumerate(places))
+    header = "t_s,ecef_x_m,ecef_y_m,ecef_z_m,ecef_vx_mps,ecef_vy_mps,ecef_vz_mps"
+    (tmp_path / "path.csv").write_text(f"{header}\n{rows}", encoding="utf-8")
+    motion = {"kind": "recorded_path", "path_csv": "path.csv"}
+    train = write_train(tmp_path, {"world.motion": motion}, {"path_csv": "path.csv", "length_m": REMOVED})
+    done = evaluate(scenario_file(tmp_path, train=str(train)))
+    assert done.returncode == 2
+    assert len(done.stderr.splitlines()) == 1, done.stderr
+    assert "train.yaml: world.motion.path_csv: " in done.stderr
+    assert "path.csv: line 2 (0 s): the chainage is ambiguous: 0 m and " in done.stderr

@@ -91,7 +91,7 @@ def test_a_train_follows_what_its_receiver_said_into_a_file(tmp_path: Path) -> N
         assert covariance[0, 0] < 0.02**2
 
 
-def test_a_train_that_knows_its_receivers_offset_is_neither_too_sure_nor_too_shy(tmp_path: Path) -> None:
+def test_a_train_that_knows_its_receivers_offset_is_consistent(tmp_path: Path) -> None:
     """NEES of [s, v, a] at the end of 16 runs: χ² with 48 degrees of freedom over 16, between 1.4 and 5.5 at 99.9 %."""
     entry = {
         "position_std_m": {"differential": 0.3},

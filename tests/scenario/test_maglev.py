@@ -6,12 +6,13 @@ from itertools import pairwise
 from typing import Any
 
 import pytest
-from harness import PERIOD_NS, ROOT, Journey, at, delayed, scenario_s, silent, travel, widths
+from harness import PERIOD_NS, ROOT, Journey, at, scenario_s, travel, widths
 
-from milepost.config.scenario_file import load_scenario
+from milepost.evaluation.plan import make_plan
 from milepost.evaluation.run_log import RunLog
-from milepost.evaluation.scenario_run import evaluate_once
+from milepost.evaluation.scenario_run import run_plan
 from milepost.nodes.base import Output
+from milepost.simulation.faults import delayed, silent
 from milepost_schemas import BaliseTelegram, Estimate, Gaussian, LinearObservation
 
 SOURCE_A = ROOT / "deploy/scenarios/loop-radar-balise.yaml"
@@ -21,9 +22,8 @@ COMMON = ["position_m", "speed_mps", "acceleration_mps2"]
 @pytest.fixture(scope="module")
 def source_a() -> tuple[dict[str, Any], RunLog]:
     """Source A's two kilometres with the scenario's own seed."""
-    scenario, _ = load_scenario(SOURCE_A)
-    result, log, _ = evaluate_once(SOURCE_A, scenario.seed, None, lambda done_s: None)
-    return result, log
+    run = run_plan(make_plan(SOURCE_A), None, lambda done_s: None)
+    return run.result, run.log
 
 
 @pytest.fixture(scope="module")

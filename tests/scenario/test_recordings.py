@@ -11,10 +11,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 from harness import ROOT
 
 from examples import REMOVED, write_train
 from milepost.config.train import Train, load_train
+from milepost.config.yaml_files import ConfigError
 from milepost.evaluation.plan import make_plan
 from milepost.evaluation.recorded_scores import (
     FixesOptions,
@@ -59,7 +61,7 @@ class TestCarWithoutSatellites:
         assert list(car["fused"]["gap_error_m"]) == list(GAPS)
         assert max(car["fused"]["gap_error_m"].values()) < 1.0
 
-    def test_without_wheels_it_is_tens_of_metres_off_and_says_so(self, car):
+    def test_without_wheels_it_knows_that_it_is_far_off(self, car):
         alone, carried = (car["fused"][key] for key in ("gap_error_imu_only_m", "gap_error_m"))
         assert alone == car["imu_only"]["gap_error_m"]
         assert all(10.0 * carried[gap] < alone[gap] < 100.0 for gap in GAPS)
@@ -89,7 +91,7 @@ class TestFalseFixes:
         assert max(train["reacquired_error_m"]) < 0.2
         assert train["reacquired_outside_interval"] == 0
 
-    def test_none_of_those_that_drift_from_a_station_is_and_who_believes_them_is_carried_away(self):
+    def test_none_of_those_at_a_station_is_let_in(self):
         train = figures("brussels-28573", 165.0, ["credulous"])
         assert train["fused"]["false_fixes_accepted"] == 0
         assert train["fused"]["outside_interval"] == 0.0
@@ -120,11 +122,9 @@ def state_off_by(metres: float, until_s: float, half_width_m: float = 1.0) -> Tr
     """Epochs each 0.2 s of a train at 10 m/s whose state is that far ahead."""
     t = np.arange(0.0, until_s, 0.2)
     truth = np.column_stack([10.0 * t, np.full_like(t, 10.0), np.zeros_like(t)])
-    errors = np.zeros_like(truth)
-    errors[:, 0] = metres
     s, v = truth[:, 0] + metres, truth[:, 1]
     bounds = np.column_stack([s - half_width_m, s + half_width_m, v - 1.0, v + 1.0])
-    return Trace(t, truth, errors, np.tile(np.eye(3), (len(t), 1, 1)), bounds)
+    return Trace(t, np.column_stack([s, v, truth[:, 2]]), np.tile(np.eye(3), (len(t), 1, 1)), truth, bounds)
 
 
 def coasting(k: int) -> tuple[float, str]:
@@ -133,7 +133,7 @@ def coasting(k: int) -> tuple[float, str]:
     return 10.0 * k + away, "PROPAGATED" if 10 <= k < 15 or 30 <= k < 40 else "NARROW_INT"
 
 
-def test_the_state_is_compared_with_the_first_fix_after_each_gap(tmp_path):
+def test_the_first_fix_after_each_gap_is_compared(tmp_path):
     train = logged_train(tmp_path, coasting, 50)
     options = ReacquiredOptions(unit="gnss", untrusted_s=[[19.5, 20.5]], longer_than_s=2.5)
     # metres of longitude are good to a thousandth here
@@ -142,12 +142,58 @@ def test_the_state_is_compared_with_the_first_fix_after_each_gap(tmp_path):
     assert other - one == pytest.approx(1.5)
 
 
-def test_a_fix_beyond_the_interval_is_counted_and_a_gap_that_does_not_end_is_not(tmp_path):
+def test_a_fix_beyond_the_interval_is_counted(tmp_path):
     train = logged_train(tmp_path, coasting, 50)
     options = ReacquiredOptions(unit="gnss", untrusted_s=[[19.5, 20.5]], longer_than_s=2.5)
     assert reacquired_outside_interval(state_off_by(0.0, 49.0), train, options) == 0
     assert reacquired_outside_interval(state_off_by(3.0, 49.0), train, options) == 2
     assert len(reacquired_error_m(state_off_by(0.0, 38.0), train, options)) == 1
+
+
+def test_fixes_are_taken_by_the_units_own_column_map(tmp_path):
+    """The same gaps in own columns, on a clock that is 3 s behind: the fix after each gap is 30 m further than at its time."""
+    rows = "\n".join(
+        f"{k - 3},50.9,{4.5 + position_m / DEGREE_M:.10f},{'ok' if word == 'NARROW_INT' else 'bad'}"
+        for k, (position_m, word) in enumerate(map(coasting, range(50)))
+    )
+    train = logged_train(tmp_path, coasting, 50)
+    (tmp_path / "own.csv").write_text(f"t,lat,lon,word\n{rows}", encoding="utf-8")
+    recording = {
+        "file": "own.csv",
+        "time": {"column": "t", "zero_at": 0.0},
+        "columns": {
+            "latitude_deg": {"column": "lat", "unit": "deg"},
+            "longitude_deg": {"column": "lon", "unit": "deg"},
+            "solution": {"column": "word", "values": {"ok": "rtk_fixed", "bad": "propagated"}},
+        },
+    }
+    train = load_train(train.path, {"units": {"gnss": {"recording": recording}}})
+    options = ReacquiredOptions(unit="gnss", untrusted_s=[[16.5, 17.5]], longer_than_s=2.5)
+    assert reacquired_error_m(state_off_by(30.0, 46.0), train, options) == pytest.approx([0.0, 0.0], abs=0.5)
+
+
+def test_fixes_withheld_from_the_filter_are_a_gap(tmp_path):
+    train = logged_train(tmp_path, lambda k: (10.0 * k, "NARROW_INT"), 50)
+    train = load_train(train.path, {"units": {"gnss": {"withhold_s": [[20.0, 30.0]]}}})
+    options = ReacquiredOptions(unit="gnss", untrusted_s=[])
+    assert reacquired_error_m(state_off_by(4.0, 49.0), train, options) == pytest.approx([4.0], abs=0.4)
+
+
+@pytest.mark.parametrize(
+    ("scores", "says"),
+    [
+        ({"reacquired_error_m": {"unit": "radar", "untrusted_s": []}}, "reacquired_error_m.unit: radar has no recording"),
+        ({"false_fixes_accepted": {"unit": "nobody", "untrusted_s": []}}, "false_fixes_accepted.unit: nobody has no recording"),
+        ({"recorded_scale": {"units": ["gnss"]}}, "recorded_scale.units: gnss records no speed_reading"),
+    ],
+)
+def test_a_score_of_a_recording_that_is_not_there_is_one_line(tmp_path, scores, says):
+    train = logged_train(tmp_path, coasting, 50)
+    scenario = {"scenario": "s", "train": str(train.path), "duration_s": 5.0, "scores": scores}
+    (tmp_path / "s.yaml").write_text(yaml.safe_dump(scenario), encoding="utf-8")
+    with pytest.raises(ConfigError) as refused:
+        make_plan(tmp_path / "s.yaml")
+    assert says in str(refused.value)
 
 
 def test_false_fixes_are_counted_by_when_they_were_true(tmp_path):
@@ -159,7 +205,7 @@ def test_false_fixes_are_counted_by_when_they_were_true(tmp_path):
     assert false_fixes_accepted(replace(trace, counted=counted), train, options) == 1
 
 
-def test_a_recorded_wheels_scale_is_the_way_over_what_it_showed(tmp_path):
+def test_a_wheels_recorded_scale_is_way_over_reading(tmp_path):
     """It shows 8 m/s for 10: the scale is 0.25."""
     (tmp_path / "wheel.csv").write_text("t,v\n" + "\n".join(f"{0.1 * k:.1f},8.0" for k in range(90)), encoding="utf-8")
     recording = {

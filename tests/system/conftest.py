@@ -12,6 +12,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
+from pathlib import Path
 
 import msgpack
 import psutil
@@ -103,6 +104,13 @@ class Outside:
         self.session.close()
 
 
+def title_of(pid: int) -> str:
+    """What process lists show of a process; empty where it has ended."""
+    with contextlib.suppress(OSError):
+        return Path(f"/proc/{pid}/cmdline").read_text(encoding="utf-8").rstrip("\0").replace("\0", " ")
+    return ""
+
+
 class Stack:
     """`milepost up --headless` on a port of its own."""
 
@@ -114,11 +122,10 @@ class Stack:
         threading.Thread(target=lambda: self.errors.extend(self.process.stderr), daemon=True).start()
 
     def pid_of(self, *words: str) -> int:
-        """The process whose command line is `milepost run WORDS ...`."""
+        """The process whose title is `milepost run WORDS`."""
         for child in psutil.Process(self.process.pid).children():
-            with contextlib.suppress(psutil.Error):
-                if child.cmdline()[3 : 4 + len(words)] == ["run", *words] and child.status() != psutil.STATUS_ZOMBIE:
-                    return child.pid
+            if title_of(child.pid) == " ".join(("milepost", "run", *words)):
+                return child.pid
         raise LookupError(words)
 
     def stop(self) -> int:

@@ -108,6 +108,9 @@ def test_a_replayed_train_ends_by_itself_with_code_0(tmp_path):
     found = json.loads(report.read_text())
     assert found["states"] >= 145
     assert found["truth"]["outside_interval"] == 0
+    # how long and how much is for the bench; here only that both are measured
+    assert 1.0 < found["first_state_s"] < 60.0
+    assert found["memory_pss_mib"] > 50.0
 
 
 def test_ctrl_c_ends_everything_and_leaves_nothing_behind():

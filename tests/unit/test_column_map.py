@@ -245,7 +245,7 @@ def test_a_field_that_the_message_needs_must_be_given_unless_a_mean_has_it_anywa
         ({"invented": 1}, "Extra inputs"),
         ({"columns": {}}, "at least 1"),
         ({"columns": {"speed_mps": {"column": "v", "unit": "m/s", "factor": 2.0}}}, "Extra inputs"),
-        ({"time": {"column": "t", "unit": "m"}}, "no unit of time"),
+        ({"time": {"column": "t", "unit": "m"}}, "not a unit of time"),
         ({"time": {"column": "t", "zero_at": "noon"}}, "noon"),
         ({"constants": {"speed_mps": 1.0}}, "a column and a constant"),
         ({"average_s": 0.0}, "greater than 0"),

@@ -16,8 +16,8 @@ from milepost.estimation.filters.pu_rls import PuRlsOptions
 from milepost.estimation.filters.rls import RlsOptions
 from milepost.estimation.filters.robust_kalman import RobustKalmanOptions
 from milepost.estimation.layout import Layout, PrivateState
+from milepost.estimation.observation import Observation
 from milepost.estimation.time_units import NS_PER_S
-from milepost.estimation.timeline import Observation
 
 T0 = 1_000 * NS_PER_S
 PRIOR = Prior(np.array([0.0, 20.0, 0.0]), np.array([2.0, 0.5, 0.2]))

@@ -16,8 +16,8 @@ from milepost.estimation.filters.kalman import KalmanFilter, KalmanOptions
 from milepost.estimation.h_infinity import HInfinityKernel, bounded_update
 from milepost.estimation.kalman import ArrayKernel, update
 from milepost.estimation.layout import Layout, PrivateState
+from milepost.estimation.observation import Observation
 from milepost.estimation.time_units import NS_PER_S
-from milepost.estimation.timeline import Observation
 
 T0 = 1_000 * NS_PER_S
 SETUP = FilterSetup(Layout(), 1e-2, Prior(np.array([0.0, 20.0, 0.0]), np.array([1.0, 2.0, 0.5])), 5 * NS_PER_S, 0.5)

@@ -111,6 +111,7 @@ def test_white_noise_has_the_stated_density() -> None:
     assert abs(np.corrcoef(seen[1:], seen[:-1])[0, 1]) < 4.0 / math.sqrt(4000)
 
 
+@pytest.mark.slow
 def test_the_bias_is_first_order_markov_with_the_stated_spread_and_memory() -> None:
     """Over 120 seeds: std 0.005 at the beginning and after 10 s; correlation between the two exp(-10/20) = 0.607."""
     options = {**QUIET, "bias_std_mps2": 0.005, "bias_time_constant_s": 20.0, "rate_hz": 2.0}

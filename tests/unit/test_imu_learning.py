@@ -122,6 +122,7 @@ def after_outages(kind: str) -> tuple[float, float]:
     return math.sqrt(np.mean(errors**2)), float(np.mean(nees))
 
 
+@pytest.mark.slow
 def test_what_was_learned_makes_an_outage_harmless_as_a_bias_in_the_state_would() -> None:
     """Source C claims 0.41 of the plain filter's error in an outage."""
     plain, learned, state = (after_outages(kind)[0] for kind in ("plain", "learned", "state"))

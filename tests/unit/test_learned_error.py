@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from milepost.estimation.swarm import Swarm
+from milepost.estimation.noise.swarm import Swarm
 from milepost.sensors.imu.learned_error import InertialErrorModel, LearnedError, equivalent_white_variance
 
 MODEL = InertialErrorModel(bias_std=0.005, walk_std=2.4e-4, noise_density=0.05)
@@ -44,8 +44,8 @@ def test_the_recursion_ends_where_a_swarm_would() -> None:
     for _ in range(30):
         y, R = 0.008 + 0.016 * rng.normal(), 2.5e-4
         # a sample is fitted with the regressors as they stand when it comes
-        learned._begun_s, learned._learned_s = 0.0, learned._learned_s + 10.0
-        learned._psi += 0.2 * (0.006 + 0.002 * rng.normal() - learned._psi)
+        psi = learned.memory.psi + 0.2 * (0.006 + 0.002 * rng.normal() - learned.memory.psi)
+        learned.memory = learned.memory._replace(begun_s=0.0, learned_s=learned.memory.learned_s + 10.0, psi=psi)
         samples.append((learned.regressors(), y, R))
         learned.fit(y, R, 10.0)
     forget = math.exp(-10.0 / MODEL.memory_s)

@@ -8,8 +8,8 @@ import random
 import numpy as np
 import pytest
 
-from milepost.estimation.adaptive import InnovationVariance
-from milepost.estimation.noise_scale import NoiseModel, NoiseScale
+from milepost.estimation.noise.adaptive import InnovationVariance
+from milepost.estimation.noise.noise_scale import NoiseModel, NoiseScale
 
 # two levels that never change and no outliers: everything can be computed by hand
 STILL = NoiseModel(1.0, 3.0, levels=2, time_constant_s=1e9, outlier_share=1e-12)

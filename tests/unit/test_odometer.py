@@ -49,6 +49,7 @@ def errors(on: World, said: list[Measured]) -> np.ndarray:
 # the devices -------------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_counting_errs_by_its_quantisation_as_stated() -> None:
     """R = q²/6T²: q = 26.7 mm in T = 0.1 s. The speed sweeps a few hundred pulses, so that every phase occurs.
 
@@ -93,6 +94,7 @@ def test_timed_edges_take_the_jitter_out() -> None:
     assert float(np.max(np.abs(errors(on, said)))) < 1e-3
 
 
+@pytest.mark.slow
 def test_a_coarse_timer_errs_as_stated() -> None:
     """v τ/(√6 Δt) = 0.082 m/s at 20 m/s, 1 ms and 0.1 s."""
     on = world([(0.0, 19.0), (1000.0, 21.0)], end_s=1000.0)

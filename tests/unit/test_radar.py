@@ -132,6 +132,7 @@ def test_in_its_dead_zone_a_radar_says_nothing_not_even_a_bound() -> None:
     assert all("speed_max_mps" not in m.fields for m in said)
 
 
+@pytest.mark.slow
 def test_drop_outs_take_the_share_of_time_that_their_rate_and_duration_say() -> None:
     """Beginnings at 0.05 Hz, 2 s long: 1 - exp(-0.05 · 2) = 9.5 % of all time, in silences of (e^{λD} - 1)/λ = 2.1 s."""
     times, lost, silences = np.arange(0.0, 20_000.0, 0.1), 0, []
@@ -205,6 +206,7 @@ def test_a_given_scale_is_the_scale() -> None:
     assert shown(said) == pytest.approx(20.0 / 1.002)
 
 
+@pytest.mark.slow
 def test_a_scale_moves_as_the_filter_is_told() -> None:
     """A walk of 1e-6/s over 10 s: 0.00316; Markov of τ = 20 s: correlation e^-0.5 after 10 s. 100 seeds each."""
     walk, markov = [], []
@@ -297,6 +299,7 @@ def nees_with(observe: Callable[..., Any], scale_std: float, seed: int) -> list[
     return out
 
 
+@pytest.mark.slow
 def test_with_a_prior_of_one_percent_early_readings_claim_no_more_than_they_know() -> None:
     """100 runs, 4 states: the mean's 95 % interval is 4 ± 1.96 √(8/100)."""
     before, after = np.mean([nees_with(scaled_speed, 0.01, seed) for seed in range(100)], axis=0)

@@ -7,10 +7,10 @@ import random
 import numpy as np
 import pytest
 
-from milepost.estimation.pu_rls import ForgettingModel, SwarmTunedSmoother, Tuning
-from milepost.estimation.rls import ForgettingSmoother, LocalParabola, white_sum
-from milepost.estimation.swarm import Swarm
-from milepost.estimation.unscented import sigma_points, unscented_gain_terms
+from milepost.estimation.noise.pu_rls import ForgettingModel, SwarmTunedSmoother, Tuning
+from milepost.estimation.noise.rls import ForgettingSmoother, LocalParabola, white_sum
+from milepost.estimation.noise.swarm import Swarm
+from milepost.estimation.noise.unscented import sigma_points, unscented_gain_terms
 
 
 def parabola_over(times: list[float], values: list[float], forgetting: float, weights: list[float]) -> LocalParabola:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
+from milepost.estimation.judging import Verdict
 from milepost.estimation.shares import FixedShares
-from milepost.estimation.timeline import Observation
 from milepost.nodes.roster import KEPT_TIMES, STALE_NS, Roster, UnitRow
 
 MS = 1_000_000
@@ -14,8 +14,10 @@ DEADLINE = 15 * MS
 SHARES = {"radar": 0.6, "wheel": 0.3, "loop": 0.1}
 
 
-def seen(unit: str, at_ns: int, row: tuple[float, ...] = (0.0, 1.0, 0.0), variance: float = 1.0) -> Observation:
-    return Observation(at_ns, 0, 0, "i", 0, unit, row, 0.0, variance)
+def saw(known: Roster, unit: str, at_ns: int, now_ns: int) -> None:
+    """A reading that counts came."""
+    known.arrived(unit, at_ns, now_ns)
+    known.counted(unit, at_ns)
 
 
 def roster(shares: dict[str, float] | None = None) -> Roster:
@@ -33,7 +35,7 @@ def heard(**at: int) -> Roster:
     """A roster whose units were each heard once, on time."""
     known = roster()
     for unit, time in at.items():
-        known.saw(seen(unit, time), time + MS)
+        saw(known, unit, time, time + MS)
     return known
 
 
@@ -61,13 +63,13 @@ def test_an_aperiodic_unit_is_never_due() -> None:
 
 def test_a_unit_that_was_heard_again_is_no_longer_missing() -> None:
     known = heard(radar=S)
-    known.saw(seen("radar", S + 20 * MS), S + 21 * MS)
+    saw(known, "radar", S + 20 * MS, S + 21 * MS)
     assert known.missing(S + 20 * MS) == []
 
 
 def test_an_older_reading_that_comes_later_does_not_make_a_unit_missing() -> None:
     known = heard(radar=S)
-    known.saw(seen("radar", S - 10 * MS), S + 2 * MS)
+    saw(known, "radar", S - 10 * MS, S + 2 * MS)
     assert known.missing(S + 9 * MS) == []
     assert known.missing(S + 10 * MS) == ["radar"]
 
@@ -76,18 +78,18 @@ def test_a_stale_unit_is_not_missing_but_excluded() -> None:
     known = heard(radar=S)
     assert known.missing(S + STALE_NS) == ["radar"]
     assert known.missing(S + STALE_NS + 1) == []
-    assert known.at(S + STALE_NS, live=True).excluded["wheel"] == "never heard"
-    assert "radar" not in known.at(S + STALE_NS, live=True).excluded
-    assert known.at(S + STALE_NS + 1, live=True).excluded["radar"] == "silent"
+    assert known.at(S + STALE_NS, live=True, verdicts={}).excluded["wheel"] == "never heard"
+    assert "radar" not in known.at(S + STALE_NS, live=True, verdicts={}).excluded
+    assert known.at(S + STALE_NS + 1, live=True, verdicts={}).excluded["radar"] == "silent"
 
 
 def test_a_slow_unit_is_stale_only_after_three_periods() -> None:
     known = Roster([UnitRow("gnss", 0, S, True)], FixedShares({}), DEADLINE)
-    known.saw(seen("gnss", 10 * S), 10 * S)
+    saw(known, "gnss", 10 * S, 10 * S)
     assert known.missing(13 * S) == ["gnss"]
-    assert known.at(13 * S, live=True).excluded == {}
+    assert known.at(13 * S, live=True, verdicts={}).excluded == {}
     assert known.missing(13 * S + 1) == []
-    assert known.at(13 * S + 1, live=True).excluded == {"gnss": "silent"}
+    assert known.at(13 * S + 1, live=True, verdicts={}).excluded == {"gnss": "silent"}
 
 
 # worth waiting for ---------------------------------------------------------------------------------------------------------
@@ -100,15 +102,15 @@ def test_a_unit_that_missed_a_deadline_is_not_waited_for_until_it_is_punctual_ag
     known.missed_deadline("radar")
     assert known.worth_waiting(missing) == ["wheel"]
     # late by one nanosecond more than the deadline: still not
-    known.saw(seen("radar", S + 10 * MS), S + 10 * MS + DEADLINE + 1)
+    saw(known, "radar", S + 10 * MS, S + 10 * MS + DEADLINE + 1)
     assert known.worth_waiting(["radar"]) == []
-    known.saw(seen("radar", S + 20 * MS), S + 20 * MS + DEADLINE)
+    saw(known, "radar", S + 20 * MS, S + 20 * MS + DEADLINE)
     assert known.worth_waiting(["radar"]) == ["radar"]
 
 
 def test_a_late_reading_alone_does_not_make_a_unit_unpunctual() -> None:
     known = heard(radar=S)
-    known.saw(seen("radar", S + 10 * MS), S + 10 * MS + 10 * DEADLINE)
+    saw(known, "radar", S + 10 * MS, S + 10 * MS + 10 * DEADLINE)
     assert known.worth_waiting(["radar"]) == ["radar"]
 
 
@@ -138,34 +140,34 @@ def test_processes_of_others_change_nothing() -> None:
 
 def test_units_in_use_have_the_age_of_their_last_observation_at_the_epoch() -> None:
     known = heard(radar=S, loop=S - 300 * MS)
-    known.saw(seen("radar", S + 10 * MS), S + 11 * MS)
-    assert dict(known.at(S + 5 * MS, live=True).ages_s) == pytest.approx({"radar": 0.005, "loop": 0.305})
-    assert dict(known.at(S + 15 * MS, live=True).ages_s) == pytest.approx({"radar": 0.005, "loop": 0.315})
+    saw(known, "radar", S + 10 * MS, S + 11 * MS)
+    assert dict(known.at(S + 5 * MS, live=True, verdicts={}).ages_s) == pytest.approx({"radar": 0.005, "loop": 0.305})
+    assert dict(known.at(S + 15 * MS, live=True, verdicts={}).ages_s) == pytest.approx({"radar": 0.005, "loop": 0.315})
 
 
 def test_observations_after_the_epoch_do_not_count_at_it() -> None:
-    presence = heard(radar=S).at(S - 1, live=True)
+    presence = heard(radar=S).at(S - 1, live=True, verdicts={})
     assert presence.excluded["radar"] == "never heard"
     assert "radar" not in presence.ages_s
 
 
 def test_shares_sum_to_one_over_those_in_use_and_a_silent_units_share_goes_to_the_others() -> None:
-    everyone = heard(radar=S, wheel=S, loop=S).at(S, live=True)
+    everyone = heard(radar=S, wheel=S, loop=S).at(S, live=True, verdicts={})
     assert dict(everyone.shares) == pytest.approx(SHARES)
-    without_radar = heard(wheel=S, loop=S).at(S, live=True)
+    without_radar = heard(wheel=S, loop=S).at(S, live=True, verdicts={})
     assert dict(without_radar.shares) == pytest.approx({"wheel": 0.75, "loop": 0.25})
     assert set(without_radar.shares) == set(without_radar.ages_s)
 
 
 def test_units_that_share_nothing_between_them_share_evenly() -> None:
     known = roster({"radar": 1.0})
-    known.saw(seen("wheel", S), S)
-    known.saw(seen("loop", S), S)
-    assert dict(known.at(S, live=True).shares) == {"wheel": 0.5, "loop": 0.5}
+    saw(known, "wheel", S, S)
+    saw(known, "loop", S, S)
+    assert dict(known.at(S, live=True, verdicts={}).shares) == {"wheel": 0.5, "loop": 0.5}
 
 
 def test_nobody_in_use_means_no_shares() -> None:
-    presence = roster().at(S, live=True)
+    presence = roster().at(S, live=True, verdicts={})
     assert (dict(presence.ages_s), dict(presence.shares)) == ({}, {})
     assert dict(presence.excluded) == {"radar": "never heard", "wheel": "never heard", "loop": "never heard"}
 
@@ -173,7 +175,7 @@ def test_nobody_in_use_means_no_shares() -> None:
 def test_every_fused_unit_is_either_in_use_or_excluded() -> None:
     known = heard(radar=S, wheel=S - 5 * S)
     known.process_alive("sensor-loop", False)
-    presence = known.at(S + MS, live=True)
+    presence = known.at(S + MS, live=True, verdicts={})
     assert dict(presence.excluded) == {"wheel": "silent", "loop": "process gone"}
     assert set(presence.ages_s) == {"radar"}
 
@@ -181,20 +183,46 @@ def test_every_fused_unit_is_either_in_use_or_excluded() -> None:
 def test_a_process_that_is_gone_outweighs_what_was_heard_of_it_only_live() -> None:
     known = heard(radar=S)
     known.process_alive("filter-radar", False)
-    assert known.at(S + MS, live=True).excluded["radar"] == "process gone"
-    settled = known.at(S + MS, live=False)
+    assert known.at(S + MS, live=True, verdicts={}).excluded["radar"] == "process gone"
+    settled = known.at(S + MS, live=False, verdicts={})
     assert "radar" not in settled.excluded
     assert "radar" in settled.shares
 
 
 def test_a_reader_that_no_filter_speaks_for_is_named_only_when_its_process_is_gone() -> None:
     known = heard(radar=S)
-    presence = known.at(S, live=True)
+    presence = known.at(S, live=True, verdicts={})
     assert "balise-reader" not in presence.excluded
     assert "balise-reader" not in presence.ages_s
     known.process_alive("sensor-balise-reader", False)
-    assert known.at(S, live=True).excluded["balise-reader"] == "process gone"
-    assert "balise-reader" not in known.at(S, live=False).excluded
+    assert known.at(S, live=True, verdicts={}).excluded["balise-reader"] == "process gone"
+    assert "balise-reader" not in known.at(S, live=False, verdicts={}).excluded
+
+
+# judged by the fuser, and refused by a filter ------------------------------------------------------------------------------
+
+
+def test_a_gating_unit_is_excluded_from_the_first_moment_and_named_as_what_it_is() -> None:
+    known = heard(radar=S, wheel=S)
+    verdict = Verdict(None, S, S - 20 * MS, "sliding", "sliding")
+    assert known.at(S, live=True, verdicts={"wheel": verdict}).excluded["wheel"] == "sliding"
+    assert known.at(S + STALE_NS + 1, live=False, verdicts={"wheel": verdict}).excluded["wheel"] == "silent"
+
+
+def test_a_unit_whose_readings_are_refused_is_excluded_with_the_last_reason() -> None:
+    known = heard(radar=S)
+    known.refused("radar", S + 900 * MS, "off_track")
+    assert "radar" not in known.at(S + STALE_NS, live=False, verdicts={}).excluded
+    assert known.at(S + STALE_NS + 1, live=False, verdicts={}).excluded["radar"] == "off_track"
+    assert known.at(S + 900 * MS + STALE_NS + 1, live=False, verdicts={}).excluded["radar"] == "silent"
+
+
+def test_a_reading_is_due_only_when_the_sensor_can_have_sent_it() -> None:
+    """A mean over 50 ms is true at its middle and ready 25 ms later."""
+    known = Roster([UnitRow("imu", 0, 50 * MS, True, 25 * MS)], FixedShares({}), DEADLINE)
+    saw(known, "imu", S, S + 25 * MS)
+    assert known.missing(S + 74 * MS) == []
+    assert known.missing(S + 75 * MS) == ["imu"]
 
 
 # forgetting ----------------------------------------------------------------------------------------------------------------
@@ -203,21 +231,21 @@ def test_a_reader_that_no_filter_speaks_for_is_named_only_when_its_process_is_go
 def test_forgetting_keeps_what_later_epochs_ask_for_and_the_last_time_of_a_silent_unit() -> None:
     known = roster()
     for k in range(10):
-        known.saw(seen("radar", S + 10 * k * MS), S + 10 * k * MS)
-    known.saw(seen("loop", S), S)
+        saw(known, "radar", S + 10 * k * MS, S + 10 * k * MS)
+    saw(known, "loop", S, S)
     epochs = [S + 50 * MS, S + 55 * MS, S + 90 * MS]
-    before = [known.at(epoch, live=True) for epoch in epochs]
+    before = [known.at(epoch, live=True, verdicts={}) for epoch in epochs]
     known.forget(S + 50 * MS)
-    assert [known.at(epoch, live=True) for epoch in epochs] == before
-    assert known.at(S + 90 * MS, live=True).ages_s["loop"] == pytest.approx(0.09)
-    assert known.at(S + 20 * MS, live=True).excluded["radar"] == "never heard"
+    assert [known.at(epoch, live=True, verdicts={}) for epoch in epochs] == before
+    assert known.at(S + 90 * MS, live=True, verdicts={}).ages_s["loop"] == pytest.approx(0.09)
+    assert known.at(S + 20 * MS, live=True, verdicts={}).excluded["radar"] == "never heard"
 
 
 def test_what_is_never_forgotten_stays_within_bounds() -> None:
     known = roster()
     for k in range(3 * KEPT_TIMES):
-        known.saw(seen("radar", S + k * MS), S + k * MS)
+        saw(known, "radar", S + k * MS, S + k * MS)
     end = S + (3 * KEPT_TIMES - 1) * MS
-    assert known.at(end, live=True).ages_s["radar"] == 0.0
-    assert known.at(end - (KEPT_TIMES - 2) * MS, live=True).ages_s["radar"] == 0.0
-    assert known.at(S, live=True).excluded["radar"] == "never heard"
+    assert known.at(end, live=True, verdicts={}).ages_s["radar"] == 0.0
+    assert known.at(end - (KEPT_TIMES - 2) * MS, live=True, verdicts={}).ages_s["radar"] == 0.0
+    assert known.at(S, live=True, verdicts={}).excluded["radar"] == "never heard"

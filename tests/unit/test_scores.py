@@ -22,7 +22,7 @@ def trace(position: list[float], speed: list[float], **fields: Any) -> Trace:
     t = np.arange(k, dtype=float)
     truth = np.column_stack([10.0 * t, np.full(k, 10.0), np.zeros(k)])
     errors = np.column_stack([position, speed, np.zeros(k)])
-    return Trace(t, truth, errors, np.tile(np.diag([4.0, 1.0, 1.0]), (k, 1, 1)), **fields)
+    return Trace(t, truth + errors, np.tile(np.diag([4.0, 1.0, 1.0]), (k, 1, 1)), truth, **fields)
 
 
 def figure(name: str, given: Trace, train: Any = NOBODY, **options: Any) -> Any:

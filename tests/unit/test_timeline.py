@@ -8,8 +8,9 @@ import pytest
 from milepost.estimation.estimator import Estimator, Prior
 from milepost.estimation.integrity import interval
 from milepost.estimation.layout import Layout, PrivateState
+from milepost.estimation.observation import FUTURE_NS, Observation
 from milepost.estimation.time_units import NS_PER_S
-from milepost.estimation.timeline import FUTURE_NS, Observation, Timeline
+from milepost.estimation.timeline import Timeline
 
 T0 = 100 * NS_PER_S
 SECOND = 5 * NS_PER_S
@@ -33,22 +34,21 @@ class Log:
     def advance(self, state, dt_s):
         return [*state, f"+{dt_s:g}"]
 
-    def update(self, state, row, value, variance):
+    def take(self, state, observation):
         self.work += 1
-        return [*state, value]
+        return [*state, observation.value]
 
 
-def test_observations_are_taken_in_order_of_time_then_row_then_sequence_then_instance():
+def test_observations_are_taken_in_order_of_time_then_row_then_component():
     timeline = Timeline(Log(), [], SECOND)
     for o in (
-        speed(2.0, 9, 5.0),
-        speed(1.0, 3, 2.0, order=1),
-        speed(1.0, 4, 3.0, order=1),
+        speed(2.0, 9, 4.0, unit="v", order=1),
+        speed(1.0, 3, 3.0, unit="v", order=1)._replace(component=1),
+        speed(1.0, 3, 2.0, unit="v", order=1),
         speed(1.0, 8, 1.0, order=0),
-        speed(2.0, 9, 4.0, instance="a"),
     ):
         assert timeline.insert(o, T0 + 2 * NS_PER_S) is None
-    assert timeline.state_at(T0 + 3 * NS_PER_S) == [1.0, 2.0, 3.0, "+1", 4.0, 5.0, "+1"]
+    assert timeline.state_at(T0 + 3 * NS_PER_S) == [1.0, 2.0, 3.0, "+1", 4.0, "+1"]
 
 
 def test_a_late_observation_replays_only_what_follows_it():
@@ -98,12 +98,32 @@ def test_the_horizon_does_not_come_back_when_the_clock_does():
     assert timeline.insert(speed(4.0, 1), T0 + 9 * NS_PER_S) == "too_old"
 
 
-@pytest.mark.parametrize("change", [{"unit": "v"}, {"instance": "j"}, {"sequence": 1}, {"component": 1}])
-def test_an_identity_is_unit_instance_sequence_and_component(change):
+@pytest.mark.parametrize("change", [{"unit": "v", "order": 1}, {"component": 1}, {"measured_at_ns": T0 + 1}])
+def test_another_unit_moment_or_component_is_another_observation(change):
     timeline = Timeline(Log(), [], SECOND)
     assert timeline.insert(speed(0.0, 0), T0) is None
-    assert timeline.insert(speed(0.3, 0), T0) == "duplicate"
     assert timeline.insert(speed(0.0, 0)._replace(**change), T0) is None
+
+
+@pytest.mark.parametrize("change", [{"instance": "j"}, {"sequence": 7}, {"value": 21.0}, {"instance": "a", "value": 19.0}])
+def test_the_same_moment_of_a_unit_counts_once_whoever_repeats_it(change):
+    one = speed(0.0, 0)
+    other = one._replace(**change)
+    results = []
+    for first, second in ((one, other), (other, one)):
+        timeline = Timeline(Log(), [], SECOND)
+        assert timeline.insert(first, T0) is None
+        timeline.state_at(T0)
+        assert timeline.insert(second, T0) == "duplicate"
+        results.append(timeline.state_at(T0))
+    assert results[0] == results[1]
+    assert len(results[0]) == 1
+
+
+def test_asking_why_something_would_be_refused_changes_nothing():
+    timeline = Timeline(Log(), [], SECOND)
+    assert timeline.untimely(T0, T0 + 10 * NS_PER_S) == "too_old"
+    assert timeline.insert(speed(0.0, 0), T0) is None
 
 
 def test_folding_what_is_settled_changes_no_bit_and_bounds_memory():

@@ -37,7 +37,7 @@ def test_a_wheel_that_grips_counts_as_the_sensor_says() -> None:
     observer = watch()
     assert see(observer, 1.0)[0].variance == pytest.approx(1.05**2 * 0.0025, rel=0.01)
     assert codes(observer) == []
-    assert not observer.is_gating
+    assert not observer.gating
 
 
 @pytest.mark.parametrize(("ratio", "code"), [(0.1, "wheel_spin"), (-0.1, "wheel_slide"), (-1.0, "wheel_slide")])
@@ -48,14 +48,28 @@ def test_a_wheel_that_slips_is_named_once_and_does_not_count(ratio: float, code:
     notices = observer.notices()
     assert [notice.code for notice in notices] == [code]
     assert f"slip ratio {-ratio:+.3f} at 72.0 km/h" in notices[0].text
-    assert observer.is_gating
+    assert observer.gating == observer.refused == {"wheel_spin": "spinning", "wheel_slide": "sliding"}[code]
 
 
-def test_a_slip_short_of_the_threshold_does_not_count_and_is_not_named() -> None:
+def test_a_watch_continues_from_the_memory_that_it_is_given() -> None:
+    observer = watch()
+    see(observer, 1.0)
+    gripping = observer.memory
+    see(observer, 1.1, 0.1)
+    slipping = observer.memory
+    observer.memory = gripping
+    assert observer.gating is None
+    assert see(observer, 1.1)
+    observer.memory = slipping
+    assert see(observer, 1.2) == []
+
+
+def test_a_slip_short_of_the_threshold_does_not_count_and_says_so() -> None:
     """1.9 % of 20 m/s is 0.38 m/s: 5.3 times √(0.05² + 0.0525²) = 0.0725, but no spin of 2 %."""
     observer = watch()
     assert see(observer, 1.0, 0.019) == []
-    assert codes(observer) == []
+    assert codes(observer) == ["wheel_off"]
+    assert observer.gating == observer.refused == "contradicts the fused speed"
 
 
 def test_a_threshold_that_the_fused_speed_cannot_decide_is_not_decided() -> None:
@@ -92,7 +106,7 @@ def test_a_wheel_grips_again_when_it_has_run_as_expected_for_the_hold_time() -> 
     assert notice.code == "wheel_grips"
     # five readings of 2 m/s too fast over 0.1 s each
     assert "+1.00 m further" in notice.text
-    assert not observer.is_gating
+    assert not observer.gating
 
 
 def test_a_wheel_that_slips_again_within_the_hold_time_starts_it_anew() -> None:

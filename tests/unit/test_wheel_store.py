@@ -135,7 +135,7 @@ def test_a_kept_calibration_enters_with_the_first_reading_and_never_again() -> N
     assert events(cold.restore(to_bytes(KEPT), NOW)) == [("info", "calibration_restored")]
     first, second = take(cold, 1), take(cold, 2)
     assert [o.row for o in first.observations[1:]] == [[0.0, 0.0, 0.0, 1.0]]
-    assert [o.component for o in first.observations] == [0, 1]
+    assert [o.component for o in first.observations] == [0, 100]
     assert len(second.observations) == 1
     assert first.belief.mean[3] == pytest.approx(0.0568, abs=1e-3)
     assert first.belief.covariance[3][3] ** 0.5 < 8e-4

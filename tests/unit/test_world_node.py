@@ -15,7 +15,8 @@ T0 = 1_700_000_000 * 1000 * MS
 
 def node(start_ns: int = T0, end_s: float = 1.0) -> WorldNode:
     profile = Profile([(0.0, 10.0), (1.0, 12.0)], 100.0)
-    return WorldNode("t1", "w1", WhiteJerkMotion(profile, end_s, 0.0, None, [0.0] * 3, 1), start_ns, PERIOD)
+    motion = WhiteJerkMotion(profile, end_s, 0.0, None, [0.0] * 3, 1)
+    return WorldNode("t1", "w1", motion, motion.end_s, start_ns, PERIOD)
 
 
 def run(world: WorldNode, step_ns: int = 7 * MS, steps: int = 400) -> list[Truth]:
@@ -75,3 +76,19 @@ def test_a_late_tick_catches_up() -> None:
 def test_truth_goes_to_the_plane_that_no_fuser_hears() -> None:
     assert {(o.stream, o.unit, o.message.unit) for o in node().tick(T0 + PERIOD)} == {("truth", "", "world")}
     assert list(node().subscriptions) == []
+
+
+def test_without_a_motion_time_ends_but_no_truth_is_told() -> None:
+    world = WorldNode("t1", "w1", None, 1.0, T0, PERIOD)
+    assert run(world) == []
+    assert world.finished
+    assert world.end_s == 1.0
+
+
+def test_a_node_that_replaces_another_numbers_its_messages_on() -> None:
+    """The process builds its node anew once it knows when scenario time begins; what it has said before keeps its number."""
+    first, second = node(), node()
+    said = [first.event("info", "waiting_for", "waiting for fuser", T0).message.sequence for _ in range(2)]
+    second.continue_numbering(first)
+    said.append(second.event("info", "x", "", T0).message.sequence)
+    assert said == [0, 1, 2]

@@ -25,13 +25,8 @@ def read_back(config: dict[str, Any], key: str) -> Any:
     return json.loads(zenoh.Config.from_json5(json.dumps(config)).get_json(key))
 
 
-@each
-def test_zenoh_accepts_the_configuration(name: str) -> None:
-    zenoh.Config.from_json5(json.dumps(CONFIGS[name]))
-
-
-def test_zenoh_would_not_accept_a_misspelt_one() -> None:
-    """Without this, acceptance would prove nothing."""
+def test_zenoh_refuses_a_misspelt_configuration() -> None:
+    """Without this, the tests below would not show that Zenoh understands each key."""
     config = {**CONFIGS["client"], "scouting": {"multicasts": {"enabled": False}}}
     with pytest.raises(zenoh.ZError):
         zenoh.Config.from_json5(json.dumps(config))

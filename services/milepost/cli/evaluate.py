@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from importlib.util import find_spec
 from pathlib import Path
 
+from milepost.config.shipped_files import scenario_folder
 from milepost.config.yaml_files import ConfigError
 from milepost.evaluation.campaign import Evaluated, Skipped, as_fields, evaluate, find, tasks_of
 from milepost.evaluation.plan import Plan, make_plan
@@ -16,7 +17,6 @@ from milepost.evaluation.tables import claims_table, estimator_table
 
 from .progress import progress_bar
 
-DEFAULT_FOLDER = Path("deploy/scenarios")
 RUNS_OF_ALL = 20
 
 
@@ -35,6 +35,8 @@ def run_evaluate(
         _check_output(file)
     _check_pictures(plot, report)
     plan = make_plan(path, seed)
+    if plot is not None and plan.cases[0].train.file.world is None:
+        raise ConfigError("evaluate", "--plot", f"errors need a truth, and {plan.cases[0].train.path} has no `world`")
     keep = plot is not None or report is not None
     done = _work([plan], runs or 1, jobs, keep, record)[0]
     if plot is not None and done.traces is not None:
@@ -52,7 +54,7 @@ def run_evaluate_all(
 ) -> int:
     """Evaluate a folder's scenarios and print all claims; 1 if a target is missed without a reason. Raises ConfigError."""
     _check_pictures(None, report)
-    plans, skipped = find(folder or DEFAULT_FOLDER, [name for names in only for name in names.split(",") if name])
+    plans, skipped = find(folder or scenario_folder(), [name for names in only for name in names.split(",") if name])
     for each in skipped:
         print(f"skipped {each.scenario}: {each.reason}", file=sys.stderr)
     done = _work(plans, runs or RUNS_OF_ALL, jobs, report is not None, None) if plans else []
@@ -77,7 +79,7 @@ def _check_output(file: Path | None) -> None:
 
 
 def _check_pictures(plot: Path | None, report: Path | None) -> None:
-    """What cannot be drawn or put anywhere is known before the work, not after it."""
+    """Whether pictures can be drawn and written. Raises ConfigError before any work."""
     if report is not None and report.exists() and not report.is_dir():
         raise ConfigError(report, "", "is not a folder")
     if (plot is not None or report is not None) and find_spec("matplotlib") is None:

@@ -1,58 +1,112 @@
-"""`milepost`: the commands and their options. The work is in the other files, imported when it is asked for."""
+"""`milepost`: the commands and their options. Each command imports its own code when it is called."""
 
 from __future__ import annotations
 
 import sys
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from milepost.config.yaml_files import ConfigError
+from milepost.config.shipped_files import find_file, names_in
+from milepost.runtime.launch import exit_code
 from milepost.runtime.zenoh_config import DEFAULT_ENDPOINT
 
-DEFAULT_TRAIN = Path("deploy/trains/full.yaml")
+DEFAULT_TRAIN = Path("full")
+DISTRIBUTIONS = ("milepost", "milepost-schemas")
 
 app = typer.Typer(
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
-    help="Tells a train where it is and how fast it goes, with an honest bound on the error.",
+    help="Tells a train where it is and how fast it is going, with bounds on both errors.",
 )
 
-TrainOption = Annotated[Path, typer.Option("--train", help="the train file")]
-ConnectOption = Annotated[
-    list[str], typer.Option("--connect", envvar="MILEPOST_CONNECT", help="the router's endpoint; again for failover")
+
+def _show_versions(asked: bool) -> None:
+    if asked:
+        from importlib.metadata import version
+
+        for distribution in DISTRIBUTIONS:
+            typer.echo(f"{distribution} {version(distribution)}")
+        raise typer.Exit
+
+
+def _train_file(given: Path) -> Path:
+    return find_file(given, "trains")
+
+
+def _complete(kind: str, typed: str) -> list[str]:
+    """Names for the shell; it falls back to file names where there are none."""
+    return [name for name in names_in(kind) if name.startswith(typed)]
+
+
+def _complete_train(incomplete: str) -> list[str]:
+    return _complete("trains", incomplete)
+
+
+def _complete_scenario(incomplete: str) -> list[str]:
+    return _complete("scenarios", incomplete)
+
+
+TrainOption = Annotated[
+    Path,
+    typer.Option(
+        "--train",
+        autocompletion=_complete_train,
+        help="Train file, or the name of one: looked up in ./deploy/trains, then among those shipped with Milepost.",
+    ),
 ]
-JsonOption = Annotated[bool, typer.Option("--json", help="print JSON")]
+ConnectOption = Annotated[
+    list[str],
+    typer.Option(
+        "--connect", envvar="MILEPOST_CONNECT", help="Endpoint of the router. Repeat the option to name others for failover."
+    ),
+]
+JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 StateDirOption = Annotated[
     Path | None,
-    typer.Option("--state-dir", envvar="MILEPOST_STATE_DIR", help="the folder where filters keep what they learned"),
+    typer.Option(
+        "--state-dir", envvar="MILEPOST_STATE_DIR", help="Folder in which filters keep their calibration between runs."
+    ),
 ]
 HIDDEN = {"hidden": True}
+
+
+@app.callback()
+def milepost(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_show_versions, is_eager=True, help="Show the versions and exit.")
+    ] = False,
+) -> None:
+    """Tells a train where it is and how fast it is going, with bounds on both errors."""
 
 
 @app.command()
 def up(
     train: TrainOption = DEFAULT_TRAIN,
-    duration: Annotated[float | None, typer.Option("--duration", min=0.1, help="seconds of scenario time, then end")] = None,
-    speed: Annotated[float, typer.Option("--speed", min=0.01, max=1000.0, help="scenario time runs so much faster")] = 1.0,
-    report: Annotated[
-        Path | None, typer.Option("--report", help="write what was measured to this JSON file at the end")
+    duration: Annotated[
+        float | None, typer.Option("--duration", min=0.1, help="Stop after this many seconds of scenario time.")
     ] = None,
-    headless: Annotated[bool, typer.Option("--headless", help="no live table")] = False,
-    listen: Annotated[str, typer.Option("--listen", help="the endpoint of the embedded router")] = DEFAULT_ENDPOINT,
+    speed: Annotated[
+        float, typer.Option("--speed", min=0.01, max=1000.0, help="Scenario seconds per second of real time.")
+    ] = 1.0,
+    report: Annotated[
+        Path | None, typer.Option("--report", help="When the run ends, write what was measured to this JSON file.")
+    ] = None,
+    headless: Annotated[bool, typer.Option("--headless", help="Show no live table.")] = False,
+    listen: Annotated[str, typer.Option("--listen", help="Endpoint on which the router listens.")] = DEFAULT_ENDPOINT,
     state_dir: StateDirOption = None,
 ) -> None:
-    """Start a train: router, sensors, filters, fuser and balise service, each a process of its own, and show it."""
-    from .up import run_up
+    """Start a train and show it: a router, and one process for each sensor, each filter, the fuser and the balise service."""
+    from .up import UpOptions, run_up
 
-    raise typer.Exit(run_up(train, duration, speed, report, headless, listen, state_dir))
+    raise typer.Exit(run_up(UpOptions(_train_file(train), duration, speed, report, headless, listen, state_dir)))
 
 
 @app.command()
 def watch(connect: ConnectOption = [DEFAULT_ENDPOINT]) -> None:  # noqa: B006
-    """A live table of the trains on a router: position, interval, speed, status, sensors, true error where truth exists."""
+    """Show a live table of the trains on a router; for simulated trains with the true error."""
     from .watch import run_watch
 
     raise typer.Exit(run_watch(connect))
@@ -62,9 +116,9 @@ def watch(connect: ConnectOption = [DEFAULT_ENDPOINT]) -> None:  # noqa: B006
 def status(
     connect: ConnectOption = [DEFAULT_ENDPOINT],  # noqa: B006
     as_json: JsonOption = False,
-    timeout: Annotated[float, typer.Option("--timeout", min=0.1, help="seconds to wait for a state")] = 2.0,
+    timeout: Annotated[float, typer.Option("--timeout", min=0.1, help="Seconds to wait for a state.")] = 2.0,
 ) -> None:
-    """One look at the state; exit code 1 if a train's status is not normal or there is none."""
+    """Print each train's state once. Exit code 1 if there is none or one is not `normal`."""
     from .status import run_status
 
     raise typer.Exit(run_status(connect, as_json, timeout))
@@ -72,80 +126,106 @@ def status(
 
 @app.command()
 def run(
-    role: Annotated[str, typer.Argument(help="router, world, sensor, filter, balise or fuser")],
-    unit: Annotated[str, typer.Argument(help="the unit, for sensor and filter")] = "",
+    role: Annotated[str, typer.Argument(help="One of router, world, sensor, filter, balise, fuser.")],
+    unit: Annotated[str, typer.Argument(help="The unit, for a sensor or a filter.")] = "",
     train: TrainOption = DEFAULT_TRAIN,
     connect: ConnectOption = [DEFAULT_ENDPOINT],  # noqa: B006
-    listen: Annotated[list[str], typer.Option("--listen", help="for the router: endpoints to listen on")] = [DEFAULT_ENDPOINT],  # noqa: B006
-    config: Annotated[Path | None, typer.Option("--config", help="for the router: a Zenoh configuration file instead")] = None,
+    listen: Annotated[list[str], typer.Option("--listen", help="Router only: endpoints to listen on.")] = [DEFAULT_ENDPOINT],  # noqa: B006
+    config: Annotated[Path | None, typer.Option("--config", help="Router only: Zenoh configuration file to use.")] = None,
     speed: Annotated[
-        float, typer.Option("--speed", min=0.01, max=1000.0, help="for the world: how fast scenario time runs")
+        float, typer.Option("--speed", min=0.01, max=1000.0, help="World only: scenario seconds per second of real time.")
     ] = 1.0,
-    duration: Annotated[float | None, typer.Option("--duration", min=0.1, help="seconds of scenario time")] = None,
+    duration: Annotated[
+        float | None, typer.Option("--duration", min=0.1, help="Stop after this many seconds of scenario time.")
+    ] = None,
     parent: Annotated[int | None, typer.Option("--parent", hidden=True)] = None,
     state_dir: StateDirOption = None,
 ) -> None:
-    """Run one process; what compose.yaml calls."""
+    """Run one process of a train, as compose.yaml does."""
     from .run import run_role
 
-    run_role(role, unit, train, connect, listen, config, speed, duration, parent, state_dir)
+    run_role(role, unit, _train_file(train), connect, listen, config, speed, duration, parent, state_dir)
 
 
 @app.command()
 def evaluate(
     scenario: Annotated[
-        Path | None, typer.Argument(help="a scenario file; with --all, the folder of them (deploy/scenarios)")
+        Path | None,
+        typer.Argument(
+            autocompletion=_complete_scenario,
+            help="Scenario file, or the name of one: looked up in ./deploy/scenarios, then among those shipped with Milepost. "
+            "With --all, a folder of scenario files.",
+        ),
     ] = None,
-    everything: Annotated[bool, typer.Option("--all", help="every scenario of the folder, beside what sources claim")] = False,
-    seed: Annotated[int | None, typer.Option("--seed", min=0, help="another seed than the scenario's")] = None,
+    everything: Annotated[
+        bool, typer.Option("--all", help="Evaluate every scenario of the folder, beside the sources' claims.")
+    ] = False,
+    seed: Annotated[int | None, typer.Option("--seed", min=0, help="Use this seed instead of the scenario's.")] = None,
     runs: Annotated[
-        int | None, typer.Option("--runs", min=1, help="so many seeds, counting up; medians and worst (1; with --all, 20)")
+        int | None,
+        typer.Option(
+            "--runs", min=1, help="Run on this many consecutive seeds; show median and worst. Default 1, with --all 20."
+        ),
     ] = None,
-    jobs: Annotated[int | None, typer.Option("--jobs", min=1, help="so many processes; as many as cores")] = None,
+    jobs: Annotated[int | None, typer.Option("--jobs", min=1, help="Use this many processes. Default: one per core.")] = None,
     as_json: JsonOption = False,
-    plot: Annotated[Path | None, typer.Option("--plot", help="draw errors and intervals to this PNG file")] = None,
-    record: Annotated[Path | None, typer.Option("--record", help="keep every message in this JSON-lines file")] = None,
+    plot: Annotated[Path | None, typer.Option("--plot", help="Draw errors and intervals to this PNG file.")] = None,
+    record: Annotated[Path | None, typer.Option("--record", help="Write every message to this JSON Lines file.")] = None,
     report: Annotated[
-        Path | None, typer.Option("--report", help="write index.html, results.json and pictures to this folder")
+        Path | None, typer.Option("--report", help="Write index.html, results.json and pictures to this folder.")
     ] = None,
-    only: Annotated[list[str], typer.Option("--only", help="with --all: these scenarios alone, by name")] = [],  # noqa: B006
+    only: Annotated[list[str], typer.Option("--only", help="With --all: evaluate only the scenarios of these names.")] = [],  # noqa: B006
 ) -> None:
-    """Run scenarios offline, on the same nodes, and compare the estimators with the truth."""
+    """Run a scenario offline on the same nodes and compare the estimators with the truth."""
     from .evaluate import run_evaluate, run_evaluate_all
 
     if everything:
         if seed is not None or plot is not None or record is not None:
-            raise typer.BadParameter("--seed, --plot and --record are for one scenario", param_hint="--all")
+            raise typer.BadParameter("--seed, --plot and --record need a single scenario", param_hint="--all")
         raise typer.Exit(run_evaluate_all(scenario, runs, jobs, as_json, report, only))
     if scenario is None or only:
-        raise typer.BadParameter("give one scenario file, or --all", param_hint="SCENARIO")
-    raise typer.Exit(run_evaluate(scenario, seed, runs, jobs, as_json, plot, record, report))
+        raise typer.BadParameter("name one scenario, or use --all", param_hint="SCENARIO")
+    raise typer.Exit(run_evaluate(find_file(scenario, "scenarios"), seed, runs, jobs, as_json, plot, record, report))
 
 
 @app.command()
 def rerun(
-    readings: Annotated[Path, typer.Argument(help="recorded messages, one JSON object a line, in order of arrival")],
-    out: Annotated[Path, typer.Option("--out", help="the settled states, one a line")],
+    readings: Annotated[Path, typer.Argument(help="Recorded messages: one JSON object per line, in order of arrival.")],
+    out: Annotated[Path, typer.Option("--out", help="File for the settled states, one per line.")],
     train: TrainOption = DEFAULT_TRAIN,
     origin: Annotated[
-        str, typer.Option("--from", help="`readings`: run filters, balise service and fuser; `estimates`: the fuser alone")
+        str, typer.Option("--from", help="`readings` runs filters, balise service and fuser; `estimates` the fuser alone.")
     ] = "readings",
 ) -> None:
-    """Run recorded messages through the same nodes, as fast as it goes."""
+    """Run recorded messages through the same nodes, faster than real time."""
     from .rerun import run_rerun
 
-    raise typer.Exit(run_rerun(readings, train, out, origin))
+    raise typer.Exit(run_rerun(readings, _train_file(train), out, origin))
 
 
 @app.command()
 def schema(
-    out: Annotated[Path, typer.Option("--out", help="the folder to write to")] = Path("schemas/json"),
-    check: Annotated[bool, typer.Option("--check", help="write nothing; exit 1 if a file differs")] = False,
+    out: Annotated[Path, typer.Option("--out", help="Folder to write to.")] = Path("schemas/json"),
+    check: Annotated[bool, typer.Option("--check", help="Write nothing; exit code 1 if a file differs.")] = False,
 ) -> None:
     """Export the JSON Schemas of all messages."""
     from .schema import run_schema
 
     raise typer.Exit(run_schema(out, check))
+
+
+@app.command(**HIDDEN)  # type: ignore[arg-type]
+def display(
+    connect: Annotated[str, typer.Option("--connect")],
+    name: Annotated[str, typer.Option("--name")],
+    expect: Annotated[list[str], typer.Option("--expect")],
+    mode: Annotated[str, typer.Option("--mode")],
+    began_ns: Annotated[int, typer.Option("--began-ns")],
+) -> None:
+    """Show a train for `up`."""
+    from .display import run_display
+
+    run_display(connect, name, expect, mode, began_ns)  # type: ignore[arg-type]
 
 
 @app.command(**HIDDEN)  # type: ignore[arg-type]
@@ -163,19 +243,12 @@ def observe(
 
 @app.command(**HIDDEN)  # type: ignore[arg-type]
 def sentinel(stalls: Annotated[Path, typer.Option("--stalls")]) -> None:
-    """Sleep a millisecond at a time and note when it took much longer: the machine's own stalls."""
+    """Record when the machine delays a process: sleep a millisecond at a time and note longer gaps."""
     from milepost.evaluation.stalls import run_sentinel
 
     run_sentinel(stalls)
 
 
 def main() -> None:
-    """The entry point. A configuration error is one line and exit code 2."""
-    try:
-        app()
-    except ConfigError as error:
-        print(f"milepost: {error}", file=sys.stderr)
-        sys.exit(2)
-    except OSError as error:  # a file, a port, no router
-        print(f"milepost: {error}", file=sys.stderr)
-        sys.exit(1)
+    """Read the command line and do what it says. A configuration error is one line and exit code 2."""
+    sys.exit(exit_code(partial(app, prog_name="milepost")))

@@ -2,20 +2,10 @@
 
 from __future__ import annotations
 
-import ctypes
-import signal
-import sys
 from pathlib import Path
 
-from milepost.config.yaml_files import ConfigError
-
-PR_SET_PDEATHSIG = 1
-
-
-def end_with_parent() -> None:
-    """Have the kernel end this process when the one that started it dies, even while Zenoh waits for a router."""
-    if sys.platform == "linux":
-        ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGTERM)
+from milepost.config.errors import ConfigError
+from milepost.runtime.launch import end_with_parent
 
 
 def run_role(
@@ -32,7 +22,7 @@ def run_role(
 ) -> None:
     """Run the router or one process of a train. Raises ConfigError."""
     if parent is not None:
-        end_with_parent()
+        end_with_parent(parent)
     from milepost.runtime.process import ProcessOptions, run_process, run_router
 
     if role == "router":
@@ -40,15 +30,16 @@ def run_role(
             raise ConfigError(config, "", "no such file")
         run_router(listen, config, parent)
         return
+    from milepost.config.mistakes import must_be_one_of
     from milepost.config.roles import ROLES
     from milepost.config.train import load_train
 
     if role not in ROLES:
-        raise ConfigError("run", "ROLE", f"must be one of router, {', '.join(ROLES)}, not {role!r}")
+        raise ConfigError("run", "ROLE", must_be_one_of(["router", *ROLES], role))
     train = load_train(train_file)
     units = ROLES[role].units(train)
     if not ROLES[role].per_unit:
         unit = unit or role
     if unit not in units:
-        raise ConfigError(train_file, "units", f"{unit or 'no unit'!r} has no {role}; there is {', '.join(units) or 'none'}")
+        raise ConfigError("run", "UNIT", must_be_one_of(units, unit) if units else f"{train_file} has none with a {role}")
     run_process(train, role, unit, ProcessOptions(connect, speed, duration, parent, state_dir))

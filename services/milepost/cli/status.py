@@ -6,8 +6,10 @@ import json
 import sys
 import threading
 import time
+from typing import Any
 
 from milepost.runtime.bus import NoRouterError
+from milepost.runtime.instances import Change, second_instances
 from milepost.runtime.listening import listening
 from milepost_schemas import FusedState, Message
 
@@ -15,7 +17,7 @@ SETTLE_S = 0.3
 
 
 def run_status(connect: list[str], as_json: bool, timeout_s: float) -> int:
-    """Print the newest state of every train that speaks; 0 only if there is one and all are normal."""
+    """Print the newest state of every train that speaks; 0 only if there is one, all are normal and no process runs twice."""
     states: dict[str, FusedState] = {}
     first = threading.Event()
 
@@ -25,22 +27,30 @@ def run_status(connect: list[str], as_json: bool, timeout_s: float) -> int:
             first.set()
 
     try:
-        with listening(connect, ["state"], "*", receive):
+        with listening(connect, ["state"], "*", receive) as session:
             if first.wait(timeout_s):
                 # other trains on the same router speak within a few epochs
                 time.sleep(SETTLE_S)
+            second = second_instances(session)
     except NoRouterError as error:
         print(f"milepost: {error}", file=sys.stderr)
         return 1
+    for change in second:
+        print(f"milepost: {change.train}: {change.text}", file=sys.stderr)
     if not states:
         print(f"milepost: no state within {timeout_s:g} s", file=sys.stderr)
         return 1
     if as_json:
-        print(json.dumps([state.model_dump(mode="json") for state in states.values()]))
+        print(json.dumps([_fields(state, second) for state in states.values()]))
     else:
         for state in states.values():
             print(_line(state))
-    return 0 if all(state.status == "normal" for state in states.values()) else 1
+    return 0 if all(state.status == "normal" for state in states.values()) and not second else 1
+
+
+def _fields(state: FusedState, second: list[Change]) -> dict[str, Any]:
+    crowded = {change.unit: list(change.instances) for change in second if change.train == state.train}
+    return {**state.model_dump(mode="json"), "second_instances": crowded}
 
 
 def _line(state: FusedState) -> str:

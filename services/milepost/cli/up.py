@@ -1,116 +1,181 @@
-"""`milepost up`: a whole train on this machine."""
+"""`milepost up`: a whole train on this machine.
+
+What is imported here is light, so that something is shown at once. The rest is imported, and the train loaded, before the first
+process is forked from this one.
+"""
 
 from __future__ import annotations
 
+import contextlib
+import json
 import os
 import signal
 import sys
 import tempfile
 import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from milepost.config.roles import ROLES, Setting, processes
-from milepost.config.train import load_train
-from milepost.config.yaml_files import ConfigError
-from milepost.runtime.bus import NoRouterError
-from milepost.runtime.listening import listening
-from milepost.runtime.process import set_up_log
-from milepost.runtime.supervisor import Supervisor, port_is_free, start_train
+from milepost.config.errors import ConfigError
+from milepost.runtime.endpoint import port_is_free
+from milepost.runtime.launch import ONE_THREAD, Job, share_what_is_loaded
+from milepost.runtime.proc import age_s, proportional_mib
+from milepost.runtime.stop_signals import StopSignals
+from milepost.runtime.supervisor import Supervisor
 
-from .watch import STREAMS, Screen, show
+if TYPE_CHECKING:
+    from .display import Mode
 
-WAIT_FOR_ROUTER_S = 20.0
-
-
-class _Interrupted(Exception):
-    pass
+LOOK_EVERY_S = 0.2
+MEASURE_MEMORY_EVERY_S = 2.0
+MEASURING = ("sentinel", "observer")
 
 
-def run_up(
-    train_file: Path,
-    duration_s: float | None,
-    speed: float,
-    report: Path | None,
-    headless: bool,
-    listen: str,
-    state_dir: Path | None,
-) -> int:
+@dataclass(frozen=True)
+class UpOptions:
+    """The command line of `milepost up`."""
+
+    train_file: Path
+    duration_s: float | None
+    speed: float
+    report: Path | None
+    headless: bool
+    listen: str
+    state_dir: Path | None
+
+    @property
+    def mode(self) -> Mode:
+        """How the train is shown."""
+        if self.headless:
+            return "start"
+        return "table" if sys.stdout.isatty() else "lines"
+
+
+def run_up(options: UpOptions) -> int:
     """Start everything, show it, end it. Raises ConfigError before anything starts."""
-    train = load_train(train_file)
-    # every process is built once here: what a recording or a motion spoils shows before anything starts
-    setting = Setting("up", train.world(duration_s) if train.file.world is not None else None)
-    for process in processes(train):
-        ROLES[process.role].build(train, process.unit, setting)
-    if report is not None and not report.parent.is_dir():
-        raise ConfigError(report, "", "its folder does not exist")
+    began_ns = time.time_ns() - round(age_s() * 1e9)
+    _say(f"reading {options.train_file}")
+    with _nothing_to_end():
+        _check(options)
+        train, jobs = _load(options)
+    _say(f"starting {len(jobs) + 1} processes of {train}")
+    from .up_jobs import display_job, measuring_jobs, router_job
+
+    share_what_is_loaded()
+    # the table and what processes write cannot share a terminal
+    to_table = options.mode == "table" and sys.stderr.isatty()
+    supervisor = Supervisor(keep_output=to_table)
+    with StopSignals() as stop, _scratch(options.report) as scratch, _telling(to_table) as (tell, heard):
+        display = display_job(options.mode, options.listen, train, [job.name for job in jobs], began_ns, heard)
+        try:
+            supervisor.start(router_job(options.listen))
+            supervisor.start(display, shown=True)
+            for job in (*measuring_jobs(options.listen, options.report, scratch / "stalls.jsonl"), *jobs):
+                supervisor.start(job)
+            memory_mib = _watch(supervisor, stop, tell, options.report is not None)
+        finally:
+            for sentence in supervisor.stop():
+                _say(sentence)
+    for name, lines in supervisor.failures().items():
+        _say("\n".join([f"{name} failed; its last lines:", *lines]))
+    return 0 if options.report is None or _completed(options.report, began_ns, memory_mib) else 1
+
+
+def _say(sentence: str) -> None:
+    print(f"milepost: {sentence}", file=sys.stderr, flush=True)
+
+
+@contextlib.contextmanager
+def _nothing_to_end() -> Iterator[None]:
+    """As long as nothing has been started, Ctrl-C just ends this process, without a traceback."""
+    before = signal.signal(signal.SIGINT, signal.SIG_DFL)
     try:
-        free = port_is_free(listen)
+        yield
+    except BaseException:
+        signal.signal(signal.SIGINT, before)
+        raise
+
+
+def _check(options: UpOptions) -> None:
+    """Raises ConfigError for what is wrong with the command line."""
+    if options.report is not None and not options.report.parent.is_dir():
+        raise ConfigError(options.report, "", "its folder does not exist")
+    try:
+        free = port_is_free(options.listen)
     except ValueError as error:
         raise ConfigError("up", "--listen", str(error)) from error
     if not free:
-        raise ConfigError("up", "--listen", f"{listen} is in use; is another `milepost up` running?")
-    set_up_log("up")
-
-    def interrupted(*_: object) -> None:
-        raise _Interrupted
-
-    signal.signal(signal.SIGTERM, interrupted)
-    signal.signal(signal.SIGINT, interrupted)
-    table = not headless and sys.stdout.isatty()
-    log_file = Path(tempfile.gettempdir()) / f"milepost-{os.getpid()}.log" if table else None
-    supervisor = Supervisor(log_file)
-    screen = Screen()
-    if log_file is not None:
-        screen.say(f"what the processes say goes to {log_file}")
-    scratch = tempfile.TemporaryDirectory(prefix="milepost-")
-    stalls = Path(scratch.name) / "stalls.jsonl"
-    if report is not None:
-        report.unlink(missing_ok=True)
-    try:
-        start_train(supervisor, train, listen, speed, duration_s, state_dir)
-        if report is not None:
-            supervisor.start("sentinel", ["sentinel", "--stalls", str(stalls)], restart=False)
-            _wait_for_router(listen)
-            supervisor.start(
-                "observer", ["observe", "--report", str(report), "--stalls", str(stalls), "--connect", listen], restart=False
-            )
-        if headless:
-            _loop(supervisor, screen, None)
-        else:
-            _wait_for_router(listen)
-            with listening([listen], STREAMS, train.name, screen.receive):
-                _loop(supervisor, screen, screen)
-    except _Interrupted:
-        pass
-    finally:
-        for number in (signal.SIGTERM, signal.SIGINT):
-            signal.signal(number, signal.SIG_IGN)
-        supervisor.stop()
-        scratch.cleanup()
-    return 0 if report is None or report.is_file() else 1
+        raise ConfigError("up", "--listen", f"{options.listen} is in use; is another `milepost up` running?")
 
 
-def _wait_for_router(endpoint: str) -> None:
-    deadline = time.monotonic() + WAIT_FOR_ROUTER_S
-    while port_is_free(endpoint):
-        if time.monotonic() > deadline:
-            raise NoRouterError(f"the router did not begin to listen on {endpoint}")
-        time.sleep(0.05)
+def _load(options: UpOptions) -> tuple[str, list[Job]]:
+    """The train's name and its processes. Everything that they need is imported here, once. Raises ConfigError."""
+    os.environ.update(ONE_THREAD)
+    from milepost.config.train import load_train
+    from milepost.runtime.process import ProcessOptions
+    from milepost.runtime.train_jobs import checked_world, train_jobs
+
+    train = load_train(options.train_file)
+    process = ProcessOptions([options.listen], options.speed, options.duration_s, os.getpid(), options.state_dir)
+    return train.name, list(train_jobs(train, checked_world(train, options.duration_s), process))
 
 
-def _loop(supervisor: Supervisor, screen: Screen, shown: Screen | None) -> None:
-    """Until the train's processes have ended by themselves."""
-
-    def going() -> bool:
-        for sentence in supervisor.watch():
-            screen.say(sentence)
-            if shown is None or not sys.stdout.isatty():
-                print(f"milepost: {sentence}", file=sys.stderr, flush=True)
-        own = [c for c in supervisor.children if c.name not in ("router", "sentinel", "observer")]
-        return any(c.running or c.again_at is not None for c in own)
-
-    if shown is not None:
-        show(shown, going)
+@contextlib.contextmanager
+def _scratch(report: Path | None) -> Iterator[Path]:
+    """A folder for what only a report needs."""
+    if report is None:
+        yield Path()
         return
-    while going():
-        time.sleep(0.2)
+    report.unlink(missing_ok=True)
+    with tempfile.TemporaryDirectory(prefix="milepost-") as folder:
+        yield Path(folder)
+
+
+@contextlib.contextmanager
+def _telling(to_table: bool) -> Iterator[tuple[Callable[[str], None], int | None]]:
+    """A function that shows a sentence; where the table does it, also the end of the pipe where it hears them."""
+    if not to_table:
+        yield _say, None
+        return
+    heard, tells = os.pipe()
+    os.set_blocking(tells, False)
+
+    def tell(sentence: str) -> None:
+        with contextlib.suppress(BlockingIOError):  # the table hangs; nothing here may
+            os.write(tells, f"{sentence}\n".encode())
+
+    try:
+        yield tell, heard
+    finally:
+        os.close(heard)
+        os.close(tells)
+
+
+def _watch(supervisor: Supervisor, stop: StopSignals, tell: Callable[[str], None], measure: bool) -> float:
+    """Until asked to stop, or the train's processes have ended by themselves. Returns the largest memory seen, in MiB."""
+    train = [child for child in supervisor.children if child.name not in ("router", "display", *MEASURING)]
+    largest_mib, measure_at = 0.0, time.monotonic() + MEASURE_MEMORY_EVERY_S
+    while not stop.wait(LOOK_EVERY_S):
+        for sentence in supervisor.watch():
+            tell(sentence)
+        if not any(child.running or child.again_at is not None for child in train):
+            break
+        if measure and time.monotonic() >= measure_at:
+            measure_at += MEASURE_MEMORY_EVERY_S
+            pids = [child.pid for child in supervisor.children if child.running and child.name not in MEASURING]
+            largest_mib = max(largest_mib, proportional_mib([os.getpid(), *pids]))
+    return largest_mib
+
+
+def _completed(report: Path, began_ns: int, memory_mib: float) -> bool:
+    """Add to the observer's report what only this process knows; False if there is none."""
+    if not report.is_file():
+        return False
+    found = json.loads(report.read_text(encoding="utf-8"))
+    first_ns = found.get("first_at_ns")
+    found["first_state_s"] = None if first_ns is None else (first_ns - began_ns) * 1e-9
+    found["memory_pss_mib"] = memory_mib or None
+    report.write_text(json.dumps(found, indent=2) + "\n", encoding="utf-8")
+    return True

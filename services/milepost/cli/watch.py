@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 import time
 from collections import deque
-from typing import Any
+from collections.abc import Callable
 
 from rich.console import Console, Group
 from rich.live import Live
@@ -13,13 +13,18 @@ from rich.table import Table
 from rich.text import Text
 
 from milepost.runtime.bus import NoRouterError
+from milepost.runtime.instances import Change, Instances, Token
 from milepost.runtime.listening import listening
 from milepost_schemas import Event, FusedState, Health, Message, Truth
+
+from .arrivals import Arrivals
 
 STYLES = {"normal": "green", "initialising": "cyan", "degraded": "yellow", "coasting": "yellow", "lost": "red"}
 STREAMS = ["state", "truth", "health", "event"]
 REFRESH_S = 0.25
 STALE_S = 1.0
+# a stream with less than this share of its expected rate is slow
+SLOW = 0.8
 KEPT_EVENTS = 4
 
 
@@ -31,6 +36,8 @@ class Screen:
         self.errors: dict[str, str] = {}
         self.healths: dict[tuple[str, str], Health] = {}
         self.events: list[str] = []
+        self.arrivals: Arrivals | None = None
+        self._instances = Instances()
         self._recent: deque[FusedState] = deque(maxlen=64)
 
     def receive(self, stream: str, message: Message, now_ns: int) -> None:  # noqa: ARG002
@@ -48,17 +55,36 @@ class Screen:
         elif isinstance(message, Event):
             self.say(f"{message.unit}: {message.text}")
 
+    def alive(self, token: Token, there: bool) -> None:
+        """A process's token appeared or went."""
+        self._instances.changed(token, there, time.monotonic())
+
     def say(self, text: str) -> None:
         """Show a sentence."""
         self.events = [*self.events, f"{time.strftime('%H:%M:%S')} {text}"][-KEPT_EVENTS:]
 
     def render(self) -> Group:
         """The picture."""
+        events = [Text(event, style="dim") for event in self.events]
         if not self.states:
-            return Group(Text("waiting for a state ..."), *map(Text, self.events))
-        return Group(
-            *(self._train(state, at) for state, at in self.states.values()), *(Text(e, style="dim") for e in self.events)
-        )
+            return Group(Text(self._waiting()), *events)
+        second = [Text(sentence, style="red") for sentence in self.second_instances()]
+        return Group(*(self._train(state, at) for state, at in self.states.values()), *second, *events)
+
+    def lines(self) -> list[str]:
+        """The same in few words, for where there is no terminal."""
+        states = [state for state, _ in list(self.states.values())]
+        lines = [f"{s.train} {s.status} {s.position_m:.2f} m {s.speed_mps * 3.6:.2f} km/h" for s in states]
+        return [*lines, *self.second_instances()]
+
+    def _waiting(self) -> str:
+        missing = self.arrivals.missing if self.arrivals else []
+        return f"waiting for {', '.join(missing)}" if missing else "waiting for a state"
+
+    def second_instances(self) -> list[str]:
+        """A sentence for every process that runs more than once."""
+        second = self._instances.second(time.monotonic())
+        return [f"{train}: {Change(train, unit, instances).text}" for (train, unit), instances in second.items()]
 
     def _train(self, state: FusedState, received_ns: int) -> Group:
         table = Table(title=f"{state.train} on {state.line}", title_justify="left", show_header=False, box=None, padding=(0, 2))
@@ -89,12 +115,23 @@ class Screen:
         shown += [(e.unit, "", "", e.reason) for e in state.excluded]
         for unit, age, share, reason in shown:
             health = self.healths.get((state.train, f"filter-{unit}")) or self.healths.get((state.train, f"sensor-{unit}"))
-            rate = f"{sum(rate for name, rate in health.received_hz.items() if 'reading' in name):.0f} Hz" if health else ""
+            rate = _rate(health) if health else Text("")
             refused = str(sum(health.refused.values())) if health else ""
             late = str(health.rewinds) if health else ""
             awaited = "awaited" if unit in state.awaiting else ""
             table.add_row(unit, rate, age, share, refused, late, Text(reason or awaited, style="yellow"))
         return table
+
+
+def _rate(health: Health) -> Text:
+    """The rate of a unit's readings, beside the expected one where it is slower."""
+    rate, expected = (
+        sum(rate for name, rate in rates.items() if name.endswith("_reading"))
+        for rates in (health.received_hz or health.sent_hz, health.expected_hz)
+    )
+    if rate < SLOW * expected:
+        return Text(f"{rate:.0f} of {expected:.0f} Hz", style="yellow")
+    return Text(f"{rate:.0f} Hz")
 
 
 def _error(state: FusedState, truth: Truth) -> str:
@@ -107,8 +144,8 @@ def run_watch(connect: list[str]) -> int:
     """Show the table until interrupted."""
     screen = Screen()
     try:
-        with listening(connect, STREAMS, "*", screen.receive):
-            show(screen, lambda: True)
+        with listening(connect, STREAMS, "*", screen.receive, screen.alive):
+            show(screen, lambda: True, time.sleep)
     except NoRouterError as error:
         print(f"milepost: {error}", file=sys.stderr)
         return 1
@@ -117,18 +154,16 @@ def run_watch(connect: list[str]) -> int:
     return 0
 
 
-def show(screen: Screen, going: Any) -> None:
-    """Draw the screen four times a second while `going()`; lines instead of a table where there is no terminal."""
+def show(screen: Screen, going: Callable[[], bool], wait: Callable[[float], object]) -> None:
+    """Draw the screen four times a second while `going()`; where there is no terminal, print lines once a second."""
     console = Console()
-    if not console.is_terminal:
-        while going():
-            for state, _ in list(screen.states.values()):
-                console.print(
-                    f"{state.train} {state.status} {state.position_m:.2f} m {state.speed_mps * 3.6:.2f} km/h", highlight=False
-                )
-            time.sleep(1.0)
+    if console.is_terminal:
+        with Live(screen.render(), console=console, auto_refresh=False) as live:
+            while going():
+                live.update(screen.render(), refresh=True)
+                wait(REFRESH_S)
         return
-    with Live(screen.render(), console=console, auto_refresh=False) as live:
-        while going():
-            live.update(screen.render(), refresh=True)
-            time.sleep(REFRESH_S)
+    while going():
+        for line in screen.lines():
+            print(line, flush=True)
+        wait(1.0)

@@ -1,4 +1,4 @@
-"""How a train file says where the world's motion comes from: a profile, a GNSS log, a recorded path."""
+"""The motion of the world in a train file: a speed profile, a GNSS log, a recorded path."""
 
 from __future__ import annotations
 
@@ -8,20 +8,25 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, Field, model_validator
 
-from milepost.recordings.gnss_log import read_gnss_log
+from milepost.recordings.column_map import check_map, time_zero_s
+from milepost.recordings.column_options import ISO, RecordingOptions
+from milepost.recordings.gnss_log import GnssLog, RecordedFix, read_gnss_log
 from milepost.recordings.options import STRICT, DataPath, Span
 from milepost.simulation.motion import KnotMotion, Motion, Profile, WhiteJerkMotion
 from milepost.simulation.recorded_motion import path_motion, smooth_motion
 from milepost.track.line import Line
+from milepost_schemas import PositionReading
 from milepost_schemas.message import PositionM
 
+# times of recordings are good to a microsecond
+SAME_S = 1e-5
 Positive = Annotated[float, Field(gt=0.0)]
 
 
 class WhiteJerkFile(BaseModel):
     """A simulated motion: a seeded white-jerk path around a speed profile of [time s, speed m/s] corners.
 
-    `corner_s`: how long a change of acceleration takes; a real train does not jerk as a sharp corner does.
+    `corner_s`: the time that a change of acceleration takes; sharp corners would be jerks that no real train makes.
     """
 
     model_config = STRICT
@@ -51,25 +56,50 @@ class WhiteJerkFile(BaseModel):
 
 
 class RecordedFile(BaseModel):
-    """A motion that a GNSS log's RTK fixes show; those within `untrusted_s` show none, whatever they call themselves."""
+    """A motion that a GNSS log's RTK fixes show; fixes within `untrusted_s` are left out.
+
+    `gnss_log`: a path, or a column map as a unit's `recording`.
+    """
 
     model_config = STRICT
     kind: Literal["recorded"]
-    gnss_log: DataPath
+    gnss_log: GnssLog
     fix_std_m: Positive = 0.01
     jerk_psd_m2ps5: Positive = 0.01
     untrusted_s: list[Span] = Field(default_factory=list)
 
+    @model_validator(mode="after")
+    def _makes_fixes(self) -> RecordedFile:
+        try:
+            check_map(self.gnss_log, PositionReading)
+        except ValueError as error:
+            raise ValueError(f"gnss_log.{error}") from error
+        return self
+
     def build(self, line: Line, seed: int, until_s: float | None) -> Motion:  # noqa: ARG002
-        """The smooth motion through the fixes. Raises ValueError("field: ...") where they show none."""
+        """The smooth motion through the fixes. Raises ValueError("field: ...") for a log that gives none."""
         if line.track is None:
             raise ValueError("gnss_log: a recorded motion needs a line with geometry")
         try:
-            fixes = read_gnss_log(self.gnss_log)
-            trusted = [fix for fix in fixes if not any(a <= fix.t_s < b for a, b in self.untrusted_s)]
-            return _until(smooth_motion(trusted, line.track, self.fix_std_m, self.jerk_psd_m2ps5), until_s)
+            fixes = read_gnss_log(self.gnss_log, self._trusted)
+            motion = smooth_motion(self.gnss_log.file, fixes, line.track, self.fix_std_m, self.jerk_psd_m2ps5)
         except (ValueError, OSError) as error:
             raise ValueError(f"gnss_log: {error}") from error
+        return _until(motion, until_s)
+
+    def check_time_zero(self, unit: str, recording: RecordingOptions) -> None:
+        """Check that scenario time 0 is the same in a unit's recording, if both are on one clock. Raises ValueError."""
+        own, other = self.gnss_log, recording.time
+        one_column = own.file == recording.file and own.time.column == other.column
+        if not (one_column or own.time.unit == other.unit == ISO):
+            return
+        ahead_s = time_zero_s(recording) - time_zero_s(own)
+        if abs(ahead_s) > SAME_S:
+            text = f"{abs(ahead_s):g} s {'before' if ahead_s > 0.0 else 'after'} that of units.{unit}.recording"
+            raise ValueError(f"gnss_log.time.zero_at: scenario time 0 is {text}: both need the same zero_at")
+
+    def _trusted(self, fix: RecordedFix) -> bool:
+        return fix.solution == "rtk_fixed" and not any(a <= fix.t_s < b for a, b in self.untrusted_s)
 
 
 class RecordedPathFile(BaseModel):

@@ -16,11 +16,14 @@ from milepost.estimation.time_units import NS_PER_S
 from milepost.nodes.balise import BaliseNode
 from milepost.nodes.base import Node
 from milepost.nodes.filter import FilterNode
-from milepost.nodes.fuser import FuserNode, FuserSettings
+from milepost.nodes.fuser import FuserNode
+from milepost.nodes.fuser_settings import FuserSettings
+from milepost.nodes.judges import UnitJudge
 from milepost.nodes.roster import UnitRow
 from milepost.nodes.sensor import SensorNode
 from milepost.nodes.world import WorldNode
 from milepost.sensors.base import World
+from milepost_schemas import BY_NAME
 
 from .train import Train
 from .train_file import BySpeedFile
@@ -31,18 +34,29 @@ from .yaml_files import ConfigError
 class Setting:
     """What a node is built for: an instance's name and, on a simulated train, its world and where scenario time stands.
 
-    `start_ns` is the UTC time of scenario time 0, `from_s` the scenario time at which the process begins.
+    `start_ns` is the UTC time of scenario time 0, `from_s` the scenario time at which the process begins, `until_s` the
+    scenario time at which recordings end, where they do not end before.
     """
 
     instance: str
     world: World | None = None
     start_ns: int = 0
     from_s: float = 0.0
+    until_s: float | None = None
+
+    @classmethod
+    def of(cls, train: Train, instance: str, until_s: float | None, start_ns: int = 0) -> Setting:
+        """A train's: scenario time ends at `until_s`, or where its line or its recordings end. Raises ConfigError."""
+        world = train.world(until_s) if train.file.world is not None else None
+        return cls(instance, world, start_ns, until_s=until_s)
 
 
 @dataclass(frozen=True)
 class Role:
-    """`units` lists what a train needs this role for; `uses_world` for those that need the simulated train."""
+    """`units` lists what a train needs this role for; `uses_world` for those that need the simulated train.
+
+    `sends` are the streams of the stream table that the process for a unit sends, besides `event` and `health`.
+    """
 
     name: str
     purpose: str
@@ -50,14 +64,16 @@ class Role:
     uses_world: bool
     units: Callable[[Train], list[str]]
     build: Callable[[Train, str, Setting], Node]
+    sends: Callable[[Train, str], tuple[str, ...]]
 
 
 def _world(train: Train, unit: str, setting: Setting) -> Node:  # noqa: ARG001
-    if setting.world is None:
+    if setting.world is None and not train.replayed_units:
         raise ConfigError(train.path, "world", "needed for the role `world`")
-    return WorldNode(
-        train.name, setting.instance, setting.world.motion, setting.start_ns, train.file.fusion.period_ms * 1_000_000
-    )
+    motion = setting.world.motion if setting.world is not None else None
+    end_s = motion.end_s if motion is not None else min(train.recorded_end_s, setting.until_s or math.inf)
+    period_ns = train.file.fusion.period_ms * 1_000_000
+    return WorldNode(train.name, setting.instance, motion, end_s, setting.start_ns, period_ns)
 
 
 def _sensor(train: Train, unit: str, setting: Setting) -> Node:
@@ -118,12 +134,14 @@ def shares(train: Train) -> Shares:
 def fuser_settings(train: Train) -> FuserSettings:
     """What the train file says of fusion, as the fuser's node takes it."""
     fusion = train.file.fusion
+    judges = {unit: judge for unit in train.fused_units if (judge := _judge(train, unit)) is not None}
     rows = [
         UnitRow(
             unit,
             order,
             None if sensor.period_s is None else round(sensor.period_s * NS_PER_S),
             sensor.options.filter is not None,
+            round(sensor.latency_s * NS_PER_S),
         )
         for order, (unit, sensor) in enumerate(train.sensors.items())
     ]
@@ -141,23 +159,52 @@ def fuser_settings(train: Train) -> FuserSettings:
         prior=prior(train),
         layout=full_layout(train),
         units=rows,
+        judges=judges,
     )
+
+
+def _judge(train: Train, unit: str) -> UnitJudge | None:
+    """Who judges a unit's readings in the fuser; None where the filter's rows are all that there is to know."""
+    sensor, (kind, _) = train.sensors[unit], train.filters[unit]
+    observer = sensor.observer()
+    if not kind.passes_readings or (observer is sensor and not sensor.needs_belief):
+        return None
+    return UnitJudge(observer, BY_NAME[sensor.stream].message)
+
+
+def _world_units(train: Train) -> list[str]:
+    return ["world"] if train.has_scenario_time else []
 
 
 def _one(name: str) -> Callable[[Train], list[str]]:
     return lambda train: [name]  # noqa: ARG005
 
 
+def _always(*streams: str) -> Callable[[Train, str], tuple[str, ...]]:
+    return lambda train, unit: streams  # noqa: ARG005
+
+
+def _balise_units(train: Train) -> list[str]:
+    return ["balise"] if train.balise_readers else []
+
+
+def _truth(train: Train, unit: str) -> tuple[str, ...]:  # noqa: ARG001
+    return ("truth",) if train.file.world is not None else ()
+
+
+def _readings(train: Train, unit: str) -> tuple[str, ...]:
+    return (train.sensors[unit].stream,)
+
+
+_FUSED = "one state an epoch from all estimates and fixes"
 ROLES: dict[str, Role] = {
     role.name: role
     for role in (
-        Role("fuser", "one state an epoch from all estimates and fixes", False, False, _one("fuser"), _fuser),
-        Role("filter", "a unit's local filter", True, False, lambda t: t.fused_units, _filter),
-        Role(
-            "balise", "telegrams into absolute fixes", False, False, lambda t: ["balise"] if t.balise_readers else [], _balise
-        ),
-        Role("sensor", "a unit's readings", True, True, lambda t: list(t.sensors), _sensor),
-        Role("world", "the simulated train's time and truth", False, True, lambda t: ["world"] if t.file.world else [], _world),
+        Role("fuser", _FUSED, False, False, _one("fuser"), _fuser, _always("state", "feedback")),
+        Role("filter", "a unit's local filter", True, False, lambda t: t.fused_units, _filter, _always("estimate")),
+        Role("balise", "telegrams into absolute fixes", False, False, _balise_units, _balise, _always("fix")),
+        Role("sensor", "a unit's readings", True, True, lambda t: list(t.sensors), _sensor, _readings),
+        Role("world", "scenario time, and the truth where there is one", False, True, _world_units, _world, _truth),
     )
 }
 

@@ -1,4 +1,4 @@
-"""What a scenario file may say; deploy/scenarios/README.md is its guide."""
+"""The model of scenario files; deploy/scenarios/README.md is their guide."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from pydantic import BaseModel, Field, model_validator
 
 from milepost.recordings.options import STRICT, DataPath, Span
 from milepost_schemas.message import Name
+from milepost_schemas.reading import Solution
 
 from .train import Train, load_train
 from .train_file import Positive
@@ -19,16 +20,20 @@ Window = list[Span] | Literal["creep"]
 
 
 class WithheldFile(BaseModel):
-    """Readings of a unit that the filters do not get and that the result is compared with afterwards."""
+    """Fixes of a unit's recording that the filters do not get and that the result is compared with afterwards.
+
+    Only fixes of one `solution` are compared.
+    """
 
     model_config = STRICT
     unit: Name
     from_s: float
     to_s: float
+    solution: Solution = "rtk_fixed"
 
 
 class EstimatorFile(BaseModel):
-    """The scenario's train with `change` laid over it and its own rule, run through its own nodes."""
+    """The scenario's train with `change` and its own rule, run through nodes of its own."""
 
     model_config = STRICT
     change: dict[str, Any] = Field(default_factory=dict)
@@ -36,7 +41,7 @@ class EstimatorFile(BaseModel):
 
 
 class VariantFile(BaseModel):
-    """The whole comparison again under other conditions. What is not given is as in the scenario."""
+    """The whole comparison under other conditions. A field that is not given is the scenario's."""
 
     model_config = STRICT
     change: dict[str, Any] = Field(default_factory=dict)
@@ -47,11 +52,11 @@ class VariantFile(BaseModel):
 
 
 class ClaimFile(BaseModel):
-    """What a source says of itself, and what Milepost has to reach: the figure `key` of the estimator `ours`.
+    """A claim of a source, and the target of Milepost: the figure `key` of the estimator `ours`.
 
-    `key`: a figure's name, with `.` into a map (`gap_error_m.30`). `over`: the figure divided by this estimator's, seed by
-    seed. `of`: what of all seeds the target is held against; `pooled`: their root mean square, divided by that of `over`.
-    `why`: said where the target is not met. Without a target the figure is shown and not judged.
+    `key`: a figure's name, with `.` into a map (`gap_error_m.30`). `over`: divide by this estimator's figure, seed by
+    seed. `of`: the statistic over all seeds that the target is compared with; `pooled`: the root mean square, divided by
+    that of `over`. `why`: the reason shown if the target is not met. Without a target the figure is shown and not judged.
     """
 
     model_config = STRICT
@@ -77,10 +82,10 @@ class ClaimFile(BaseModel):
 
 
 class ScenarioFile(BaseModel):
-    """An evaluation: a train, changes to its file, how long, what to compare, and what is to come of it.
+    """An evaluation: a train, changes to its file, a duration, the estimators to compare, scores and claims.
 
-    `needs`: files without which the scenario is skipped. `seeds`: so many at most differ in anything. `scores`: the key in the
-    results → {`score`: a row of the table of scores, where the key is not its name; `within`: a window; its options}.
+    `needs`: files without which the scenario is skipped. `seeds`: the largest number of seeds that differ. `scores`: the key in
+    the results → {`score`: a row of the table of scores, where the key is not its name; `within`: a window; its options}.
     """
 
     model_config = STRICT
@@ -106,11 +111,9 @@ class ScenarioFile(BaseModel):
 def load_scenario(path: Path, seed: int | None = None, rule: str | None = None) -> tuple[ScenarioFile, Train]:
     """A scenario and its train, with changes, seed and rule laid over the train file. Raises ConfigError."""
     scenario = validate(path, read_yaml(path), ScenarioFile)
-    change = merged(scenario.change, {"world": {"seed": scenario.seed if seed is None else seed}})
-    if rule is not None:
-        change = merged(change, {"fusion": {"rule": rule}})
+    change = merged(scenario.change, {"fusion": {"rule": rule}}) if rule is not None else scenario.change
     try:
-        return scenario, load_train(scenario.train, change)
+        return scenario, load_train(scenario.train, change, scenario.seed if seed is None else seed)
     except ConfigError as error:
         # if the train is sound by itself, it is the change that is not
         load_train(scenario.train)

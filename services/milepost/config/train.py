@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,8 @@ from milepost.track.line import Line
 from milepost_schemas import BY_NAME
 
 from .line_file import load_line
+from .mistakes import must_be_one_of
+from .motion_file import RecordedFile
 from .train_file import BySpeedFile, TrainFile
 from .yaml_files import ConfigError, merged, read_yaml, validate, validate_dataclass
 
@@ -46,10 +49,36 @@ class Train:
         """The units that read balises."""
         return [unit for unit, sensor in self.sensors.items() if sensor.stream == "balise_telegram"]
 
+    @property
+    def replayed_units(self) -> list[str]:
+        """The units whose readings come from a file."""
+        return [unit for unit, sensor in self.sensors.items() if getattr(_origin(sensor), "file", None) is not None]
+
+    @property
+    def has_scenario_time(self) -> bool:
+        """Whether the process `world` owns time: on a simulated train, and where recordings are replayed."""
+        return self.file.world is not None or bool(self.replayed_units)
+
+    @cached_property
+    def recorded_end_s(self) -> float:
+        """The scenario time of the last reading of all recordings; 0 without any. Raises ConfigError for one that is spoilt."""
+        return max((self._last_s(unit) for unit in self.replayed_units), default=0.0)
+
+    def _last_s(self, unit: str) -> float:
+        last_s = 0.0
+        try:
+            source = self.sensors[unit].source(None, 0.0)
+            while (at_s := source.next_s()) is not None:
+                last_s = at_s
+                source.read()
+        except (ValueError, OSError) as error:
+            raise ConfigError(self.path, f"units.{unit}", str(error)) from error
+        return last_s
+
     def world(self, until_s: float | None = None) -> World:
         """The simulated world, until its line, its recording or `until_s` ends. Raises ConfigError if there is none."""
         if self.file.world is None:
-            raise ConfigError(self.path, "world", "needed for simulated or replayed units")
+            raise ConfigError(self.path, "world", "needed for simulated units")
         file, seed = self.file.world, self.file.world.seed
         try:
             motion = file.motion.build(self.line, seed, until_s)
@@ -60,16 +89,19 @@ class Train:
         return World(motion, self.line, seed, creep)
 
 
-def load_train(path: Path, change: Mapping[str, Any] | None = None) -> Train:
-    """A train from its file, with `change` laid over it. Raises ConfigError."""
-    file = validate(path, merged(read_yaml(path), change or {}), TrainFile)
+def load_train(path: Path, change: Mapping[str, Any] | None = None, seed: int | None = None) -> Train:
+    """A train from its file, with `change` laid over it, and the seed of its world where it has one. Raises ConfigError."""
+    content = merged(read_yaml(path), change or {})
+    if seed is not None and content.get("world") is not None:
+        content = merged(content, {"world": {"seed": seed}})
+    file = validate(path, content, TrainFile)
     line = load_line(file.line)
     sensors: dict[str, Sensor[Any]] = {}
     filters: dict[str, tuple[type[LocalFilter[Any]], Any]] = {}
     for unit, entry in file.units.items():
         kind = SENSORS.get(str(entry.get("kind")))
         if kind is None:
-            raise ConfigError(path, f"units.{unit}.kind", f"must be one of {', '.join(SENSORS)}, not {entry.get('kind')!r}")
+            raise ConfigError(path, f"units.{unit}.kind", must_be_one_of(SENSORS, entry.get("kind")))
         options = validate(path, entry, kind.options_model, f"units.{unit}")
         if options.filter is not None:
             filters[unit] = _filter(path, f"units.{unit}.filter", options.filter)
@@ -96,7 +128,7 @@ def _filter(path: Path, field: str, named: str | dict[str, Any]) -> tuple[type[L
     name = said.pop("kind", None)
     row = FILTERS.get(str(name))
     if row is None:
-        raise ConfigError(path, field, f"must be one of {', '.join(FILTERS)}, not {name!r}")
+        raise ConfigError(path, field, must_be_one_of(FILTERS, name))
     return row, validate_dataclass(path, said, row.options_model, field)
 
 
@@ -108,9 +140,15 @@ def _units_of_shares(shares: Any) -> Iterator[tuple[str, str]]:
         yield from (("fusion.shares", unit) for unit in shares)
 
 
+def _origin(sensor: Sensor[Any]) -> Any:
+    """The options of where a unit's readings come from; None where they are simulated."""
+    source = sensor.options.source
+    return None if source == "simulation" else getattr(sensor.options, source, None)
+
+
 def _check_source(train: Train, unit: str, sensor: Sensor[Any]) -> None:
     options, place = sensor.options, f"units.{unit}"
-    origin = None if options.source == "simulation" else getattr(options, options.source, None)
+    origin = _origin(sensor)
     if options.source != "simulation" and origin is None:
         raise ConfigError(train.path, f"{place}.{options.source}", f"needed with `source: {options.source}`")
     if isinstance(origin, RecordingOptions):
@@ -121,10 +159,16 @@ def _check_source(train: Train, unit: str, sensor: Sensor[Any]) -> None:
     file = getattr(origin, "file", None)
     if file is not None and not file.is_file():
         raise ConfigError(train.path, f"{place}.{options.source}", f"{file}: no such file")
-    if file is not None and train.file.world is None:
-        raise ConfigError(train.path, "world", f"needed to replay the recording of {unit}: it owns the time")
-    if origin is not None and file is None and train.file.world is not None:
-        raise ConfigError(train.path, f"{place}.receiver", "a live receiver keeps real time: it cannot stand beside a `world`")
+    if origin is not None and file is None and train.has_scenario_time:
+        text = "a live receiver keeps real time: it cannot stand beside a `world` or a recording"
+        raise ConfigError(train.path, f"{place}.receiver", text)
+    motion = train.file.world.motion if train.file.world is not None else None
+    if isinstance(origin, RecordingOptions) and isinstance(motion, RecordedFile):
+        try:
+            motion.check_time_zero(unit, origin)
+        except (ValueError, OSError) as error:
+            field, _, text = str(error).partition(": ")
+            raise ConfigError(train.path, f"world.motion.{field}", text) from error
 
 
 def _check_geometry(train: Train) -> None:

@@ -12,6 +12,7 @@ from milepost.recordings.options import STRICT, DataPath
 from milepost_schemas.message import Name, PositionM, SpeedMps
 
 from .creep_file import CreepFile
+from .mistakes import must_be_one_of
 from .motion_file import MotionFile
 
 Positive = Annotated[float, Field(gt=0.0)]
@@ -91,12 +92,12 @@ class FusionFile(BaseModel):
     @model_validator(mode="after")
     def _known(self) -> FusionFile:
         if self.rule not in RULES:
-            raise ValueError(f"rule: must be one of {', '.join(RULES)}, not {self.rule!r}")
+            raise ValueError(f"rule: {must_be_one_of(RULES, self.rule)}")
         return self
 
 
 class WorldFile(BaseModel):
-    """The train that is not there. Absent on a real train."""
+    """The train that is not there. Absent on a real train, and where recordings are replayed without a truth."""
 
     model_config = STRICT
     seed: Annotated[int, Field(ge=0)] = 1

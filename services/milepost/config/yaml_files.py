@@ -11,21 +11,11 @@ import yaml
 from pydantic import BaseModel, ConfigDict, ValidationError
 from pydantic.dataclasses import dataclass as pydantic_dataclass
 
+from .errors import ConfigError as ConfigError
+from .mistakes import first_mistake, text_of
+
 M = TypeVar("M", bound=BaseModel)
 D = TypeVar("D")
-
-
-class ConfigError(Exception):
-    """A configuration that cannot be used: `file: field: what is wrong`."""
-
-    def __init__(self, file: Path | str, field: str, text: str) -> None:
-        place = f"{file}: {field}" if field else f"{file}"
-        super().__init__(" ".join(f"{place}: {text}".splitlines()))
-        self._parts = file, field, text
-
-    def __reduce__(self) -> tuple[type[ConfigError], tuple[Path | str, str, str]]:
-        """Another process may have found the mistake."""
-        return ConfigError, self._parts
 
 
 class _Loader(yaml.SafeLoader):
@@ -73,10 +63,9 @@ def validate(path: Path, content: Mapping[str, Any], model: type[M], prefix: str
     try:
         return model.model_validate(content, context={"folder": path.parent})
     except ValidationError as error:
-        first = error.errors(include_url=False, include_context=False)[0]
+        first = first_mistake(error.errors(include_url=False), model)
         field = ".".join([*([prefix] if prefix else []), *_place(content, first["loc"], first["type"] == "missing")])
-        text = "unknown key" if first["type"] == "extra_forbidden" else first["msg"].removeprefix("Value error, ")
-        raise ConfigError(path, field, text) from error
+        raise ConfigError(path, field, text_of(first, model)) from error
 
 
 def validate_dataclass(path: Path, content: Mapping[str, Any], kind: type[D], field: str) -> D:
@@ -86,10 +75,8 @@ def validate_dataclass(path: Path, content: Mapping[str, Any], kind: type[D], fi
         options: D = checked(**content)
         return options
     except ValidationError as error:
-        first = error.errors(include_url=False, include_context=False)[0]
-        text = first["msg"].removeprefix("Value error, ")
-        text = "unknown key" if first["type"] in ("extra_forbidden", "unexpected_keyword_argument") else text
-        raise ConfigError(path, ".".join([field, *(str(part) for part in first["loc"])]), text) from error
+        first = first_mistake(error.errors(include_url=False), kind)
+        raise ConfigError(path, ".".join([field, *(str(part) for part in first["loc"])]), text_of(first, kind)) from error
 
 
 def _place(content: Any, loc: Sequence[int | str], missing: bool) -> list[str]:

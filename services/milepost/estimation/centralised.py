@@ -48,7 +48,7 @@ def centralised(
     sensors it is the Kalman filter. The prior sits at the earliest reading, or at `begins_ns`, before which no reading says
     anything. Epochs before it are passed over.
     """
-    ordered = sorted(readings, key=lambda reading: reading[:4])
+    ordered = sorted(readings, key=lambda reading: (reading.measured_at_ns, reading.order, reading.sequence))
     if not ordered:
         return
     steps = _Steps(layout, jerk_psd)

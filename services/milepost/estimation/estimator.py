@@ -17,8 +17,9 @@ from .gaussian import check_share, inflate_common, replace_common
 from .kalman import ArrayKernel
 from .layout import N_COMMON, Array, Layout
 from .motion import full_process_noise, full_transition
+from .observation import Observation
 from .scalar import ScalarKernel
-from .timeline import Counters, Observation, Timeline
+from .timeline import Counters, Timeline
 
 
 @dataclass(frozen=True)
@@ -57,7 +58,7 @@ class Estimator:
         self._prior = prior
         mean, covariance = layout.prior(prior.mean, prior.std)
         kernel = kernels(layout, jerk_psd / share)
-        self._timeline = Timeline(kernel, kernel.pack(mean, inflate_common(mean, covariance, share)), horizon_ns)
+        self._timeline = Timeline(kernel, kernel.prior(mean, inflate_common(mean, covariance, share)), horizon_ns)
 
     @property
     def timeline(self) -> Timeline:
@@ -77,8 +78,10 @@ class Estimator:
     def insert(self, observation: Observation, now_ns: int) -> str | None:
         """Take an observation whose row is over [s, v, a, own private] of its unit. Returns the reason if it is refused.
 
-        Raises ValueError where the row does not fit the unit's block.
+        A whole reading has no row yet. Raises ValueError where a row does not fit the unit's block.
         """
+        if observation.reading is not None:
+            return self._timeline.insert(observation, now_ns)
         row = self.layout.lift(observation.unit, observation.row)
         if row is not observation.row:
             observation = observation._replace(row=row)
@@ -87,7 +90,7 @@ class Estimator:
     def state_at(self, at_ns: int) -> tuple[Array, Array] | None:
         """Mean (n) and covariance (n, n) at a time; None before the earliest observation."""
         state = self._timeline.state_at(at_ns)
-        return None if state is None else self._kernel.unpack(state)
+        return None if state is None else self.kernel.unpack(state)
 
     def belief_at(self, at_ns: int) -> tuple[Array, Array] | None:
         """What is believed of a time, also of one before the feedback that it all rests on; None where nothing is known.
@@ -99,16 +102,20 @@ class Estimator:
         base_ns, state = self._timeline.base_ns, self.state_at(at_ns)
         if state is not None or base_ns is None:
             return state
-        mean, shared = self._kernel.unpack(self._timeline.state_at(base_ns))
+        mean, shared = self.kernel.unpack(self._timeline.state_at(base_ns))
         fused = replace_common(mean, shared, mean[:N_COMMON], self._share * shared[:N_COMMON, :N_COMMON])[1]
         dt_s = (base_ns - at_ns) * S_PER_NS
         F = full_transition(-dt_s, self.layout)
         return F @ mean, F @ (fused + full_process_noise(dt_s, self._jerk_psd, self.layout)) @ F.T
 
+    def raw_at(self, at_ns: int) -> Any | None:
+        """The belief at a time in the kernel's own form; None where nothing is known."""
+        return self._timeline.state_at(at_ns)
+
     def lists_at(self, at_ns: int) -> tuple[list[float], list[list[float]]] | None:
         """The same as lists, for messages: the hot path makes no array of nine numbers."""
         state = self._timeline.state_at(at_ns)
-        return None if state is None else self._kernel.lists(state)
+        return None if state is None else self.kernel.lists(state)
 
     def withdraw(self, unit: str, since_ns: int) -> list[Observation]:
         """Take a unit's observations from `since_ns` on out of the result, exactly."""
@@ -124,7 +131,7 @@ class Estimator:
 
     def start_from(self, at_ns: int, mean: Array, covariance: Array) -> None:
         """Continue from a belief at a time; what was observed until then is in it."""
-        self._timeline.rebase(at_ns, self._kernel.pack(mean, covariance))
+        self._timeline.rebase(at_ns, self.kernel.pack(mean, covariance))
 
     def accept_feedback(
         self, at_ns: int, mean: Sequence[float] | Array, covariance: Sequence[Sequence[float]] | Array, share: float
@@ -144,7 +151,7 @@ class Estimator:
             before = self.state_at(at_ns) or self.layout.prior(self._prior.mean, self._prior.std)
             mean, covariance = replace_common(*before, np.array(mean), np.array(covariance))
         # everything that can fail is done before anything changes
-        state = self._kernel.shared(mean, covariance, share)
+        state = self.kernel.shared(mean, covariance, share)
         if share != self._share:
             self._share = share
             self._timeline.kernel = self._kernels(self.layout, self._jerk_psd / share)
@@ -152,5 +159,6 @@ class Estimator:
         return True
 
     @property
-    def _kernel(self) -> Any:
+    def kernel(self) -> Any:
+        """The mathematics of its steps."""
         return self._timeline.kernel

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from bisect import bisect_right, insort
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple, Protocol
+from typing import ClassVar, NamedTuple, Protocol
 
 import numpy as np
 
@@ -12,14 +12,16 @@ from milepost.estimation.time_units import S_PER_NS
 
 from .estimator import Estimator, Prior, kernel_for
 from .federated import fuse
+from .judging import Judge, Judged, JudgingKernel, Verdict
 from .kalman import update
 from .layout import COMMON, Array, Layout
 from .motion import transition
-from .timeline import Counters, Observation, untimely
+from .observation import Identity, Observation, Place, untimely
+from .timeline import Counters
 
 # forgetting costs the length of a list, so it is done for some at once
 FORGET_AT_LEAST = 64
-Lists = tuple[list[float], list[list[float]]]
+NO_JUDGES: Mapping[str, Judge] = {}
 
 
 class LocalBelief(NamedTuple):
@@ -31,9 +33,33 @@ class LocalBelief(NamedTuple):
     fed: bool
 
 
-class FusionRule(Protocol):
-    """What the fuser asks of a rule. Refusals come back as the reason, None where all was taken."""
+class Fused(NamedTuple):
+    """A fused mean and covariance, the judges' last verdicts by unit, and since when there is a fused state."""
 
+    mean: list[float]
+    covariance: list[list[float]]
+    verdicts: Mapping[str, Verdict]
+    since_ns: int
+
+    @property
+    def speed_mps(self) -> float:
+        """The fused speed."""
+        return self.mean[1]
+
+    @property
+    def variances(self) -> tuple[float, float, float]:
+        """The variances of [s, v, a]."""
+        P = self.covariance
+        return P[0][0], P[1][1], P[2][2]
+
+
+class FusionRule(Protocol):
+    """What the fuser asks of a rule. Refusals come back as the reason, None where all was taken.
+
+    `needs_shares`: whether the fused state depends on the shares.
+    """
+
+    needs_shares: ClassVar[bool]
     names: list[str]
     counters: Counters
 
@@ -42,19 +68,33 @@ class FusionRule(Protocol):
     ) -> list[str | None]: ...
     def take_fix(self, fix: Observation, now_ns: int) -> str | None: ...
     def start_from(self, at_ns: int, mean: Array, covariance: Array) -> None: ...
-    def state_at(self, at_ns: int, shares: Mapping[str, float]) -> Lists | None: ...
+    def state_at(self, at_ns: int, shares: Mapping[str, float]) -> Fused | None: ...
     def advance_to(self, now_ns: int) -> None: ...
 
 
 class InformationFusion:
     """Ours: every filter's observations into one timeline over the full state; exactly as good as a centralised filter.
 
+    A unit with a judge sends whole readings, which are linearised and judged here, where they stand in time.
     Rejected: the information increment as a difference of beliefs, P⁻¹ - P̄⁻¹. It is optimal without private states, but
     with them 1.13 to 1.5 times the optimum and overconfident when filters restart: a private prior is counted again.
     """
 
-    def __init__(self, layout: Layout, jerk_psd: float, prior: Prior, horizon_ns: int, feedback: bool) -> None:  # noqa: ARG002
-        self.estimator = Estimator(layout, jerk_psd, prior, horizon_ns)
+    needs_shares: ClassVar[bool] = False
+
+    def __init__(
+        self,
+        layout: Layout,
+        jerk_psd: float,
+        prior: Prior,
+        horizon_ns: int,
+        feedback: bool,  # noqa: ARG002
+        judges: Mapping[str, Judge] = NO_JUDGES,
+    ) -> None:
+        def judging(layout: Layout, q: float) -> JudgingKernel:
+            return JudgingKernel(kernel_for(layout, q), layout, judges)
+
+        self.estimator = Estimator(layout, jerk_psd, prior, horizon_ns, kernels=judging)
         self.names = layout.names
         self.counters = self.estimator.counters
 
@@ -76,9 +116,13 @@ class InformationFusion:
         """Continue from an earlier fused state."""
         self.estimator.start_from(at_ns, mean, covariance)
 
-    def state_at(self, at_ns: int, shares: Mapping[str, float]) -> Lists | None:  # noqa: ARG002
+    def state_at(self, at_ns: int, shares: Mapping[str, float]) -> Fused | None:  # noqa: ARG002
         """The belief over all states from all observations until then."""
-        return self.estimator.lists_at(at_ns)
+        judged: Judged | None = self.estimator.raw_at(at_ns)
+        if judged is None or judged.since_ns is None:
+            return None
+        mean, covariance = self.estimator.kernel.lists(judged)
+        return Fused(mean, covariance, judged.verdicts, judged.since_ns)
 
     def advance_to(self, now_ns: int) -> None:
         """Fold what is settled."""
@@ -95,7 +139,17 @@ class FederatedFusion:
     Source: A (12)-(17), B.
     """
 
-    def __init__(self, layout: Layout, jerk_psd: float, prior: Prior, horizon_ns: int, feedback: bool) -> None:  # noqa: ARG002
+    needs_shares: ClassVar[bool] = True
+
+    def __init__(
+        self,
+        layout: Layout,  # noqa: ARG002
+        jerk_psd: float,
+        prior: Prior,  # noqa: ARG002
+        horizon_ns: int,
+        feedback: bool,
+        judges: Mapping[str, Judge] = NO_JUDGES,  # noqa: ARG002
+    ) -> None:
         self.names = list(COMMON)
         self.counters = Counters()
         self._common = Layout()
@@ -106,8 +160,8 @@ class FederatedFusion:
         self._first_heard: dict[str, int] = {}
         self._fixes: list[Observation] = []
         # the epoch that took each fix: asked again, it takes it again, and no other does
-        self._taken_at: dict[tuple[object, ...], int] = {}
-        self._seen: dict[tuple[str, int], int] = {}
+        self._taken_at: dict[Place, int] = {}
+        self._seen: dict[Identity, int] = {}
 
     def take_estimate(
         self, unit: str, belief: LocalBelief, observations: Sequence[Observation], now_ns: int
@@ -127,7 +181,7 @@ class FederatedFusion:
 
     def take_fix(self, fix: Observation, now_ns: int) -> str | None:
         """Keep the fix for the next epoch."""
-        identity = (fix.instance, fix.sequence)
+        identity = fix.identity
         reason = "duplicate" if identity in self._seen else self._untimely(fix.measured_at_ns, now_ns)
         if reason is not None:
             return reason
@@ -138,7 +192,7 @@ class FederatedFusion:
     def start_from(self, at_ns: int, mean: Array, covariance: Array) -> None:
         """Nothing to do: the filters' beliefs contain it."""
 
-    def state_at(self, at_ns: int, shares: Mapping[str, float]) -> Lists | None:
+    def state_at(self, at_ns: int, shares: Mapping[str, float]) -> Fused | None:
         """Equations (12)-(13) over the reporting units, then the fixes that are waiting."""
         last = {unit: b for unit, share in shares.items() if share > 0.0 and (b := self._last(unit, at_ns)) is not None}
         if self._feedback:
@@ -148,12 +202,12 @@ class FederatedFusion:
             return None
         mean, covariance = fuse([self._carried(b, at_ns, shares[unit]) for unit, b in last.items()])
         for fix in sorted(
-            f for f in self._fixes if f.measured_at_ns <= at_ns and self._taken_at.setdefault(f[:5], at_ns) == at_ns
+            f for f in self._fixes if f.measured_at_ns <= at_ns and self._taken_at.setdefault(f.place, at_ns) == at_ns
         ):
             age = (at_ns - fix.measured_at_ns) * S_PER_NS
             row = row_now(fix.row, age)
             mean, covariance = update(mean, covariance, row, fix.value, fix.variance)
-        return mean.tolist(), covariance.tolist()
+        return Fused(mean.tolist(), covariance.tolist(), {}, min(self._first_heard.values()))
 
     def _last(self, unit: str, at_ns: int) -> LocalBelief | None:
         kept = self._beliefs.get(unit, [])
@@ -178,7 +232,7 @@ class FederatedFusion:
         if len(self._seen) >= FORGET_AT_LEAST:
             self._seen = {key: at for key, at in self._seen.items() if at >= boundary}
             self._fixes = [f for f in self._fixes if f.measured_at_ns >= boundary - self._horizon_ns]
-            self._taken_at = {f[:5]: self._taken_at[f[:5]] for f in self._fixes if f[:5] in self._taken_at}
+            self._taken_at = {f.place: self._taken_at[f.place] for f in self._fixes if f.place in self._taken_at}
 
 
 def row_now(row: tuple[float, ...], age_s: float) -> Array:

@@ -22,19 +22,45 @@ def replace_common(mean: Array, covariance: Array, common_mean: Array, common_co
     """
     if len(mean) == N_COMMON:
         return np.array(common_mean), np.array(common_covariance)
-    cc, pc = covariance[:N_COMMON, :N_COMMON], covariance[N_COMMON:, :N_COMMON]
-    G = np.linalg.solve(cc, pc.T).T
+    pc = covariance[N_COMMON:, :N_COMMON]
+    G = pc @ inverse_3x3(covariance)
     cross = G @ common_covariance
     private = covariance[N_COMMON:, N_COMMON:] - G @ pc.T + cross @ G.T
-    new_mean = np.concatenate([common_mean, mean[N_COMMON:] + G @ (common_mean - mean[:N_COMMON])])
-    return new_mean, np.block([[common_covariance, cross.T], [cross, 0.5 * (private + private.T)]])
+    new_mean, new_covariance = np.empty_like(mean), np.empty_like(covariance)
+    new_mean[:N_COMMON] = common_mean
+    new_mean[N_COMMON:] = mean[N_COMMON:] + G @ (common_mean - mean[:N_COMMON])
+    new_covariance[:N_COMMON, :N_COMMON] = common_covariance
+    new_covariance[N_COMMON:, :N_COMMON], new_covariance[:N_COMMON, N_COMMON:] = cross, cross.T
+    new_covariance[N_COMMON:, N_COMMON:] = 0.5 * (private + private.T)
+    return new_mean, new_covariance
 
 
 def inflate_common(mean: Array, covariance: Array, share: float) -> Array:
     """Divide the common block by the share β, P_cc ← P_cc/β, the private states following by conditioning.
 
-    Without private states it is the sources' P_i = P_g/β_i. mean (n), covariance (n, n), share in (0, 1].
-    Raises ValueError for any other share. Source: A (15)-(16).
+    With G = P_pc P_cc⁻¹: P_pc ← G P_cc/β = P_pc/β, P_pp ← P_pp + (1/β - 1) G P_cp. Without private states it is the sources'
+    P_i = P_g/β_i. mean (n), covariance (n, n), share in (0, 1]. Raises ValueError for any other share. Source: A (15)-(16).
     """
     check_share(share)
-    return replace_common(mean, covariance, mean[:N_COMMON], covariance[:N_COMMON, :N_COMMON] / share)[1]
+    if share == 1.0:
+        return np.array(covariance)
+    inflated = np.array(covariance) / share
+    if len(mean) > N_COMMON:
+        cp = covariance[:N_COMMON, N_COMMON:]
+        gained = cp.T @ (inverse_3x3(covariance) @ cp)
+        inflated[N_COMMON:, N_COMMON:] = covariance[N_COMMON:, N_COMMON:] + (0.5 / share - 0.5) * (gained + gained.T)
+    return inflated
+
+
+def inverse_3x3(covariance: Array) -> Array:
+    """The inverse of the common block of a covariance (n, n), by cofactors: a call of LAPACK costs ten times as much.
+
+    Raises numpy.linalg.LinAlgError where the block is not positive definite.
+    """
+    (a, b, c), (_, d, e), (_, _, f) = covariance[:N_COMMON, :N_COMMON].tolist()
+    df, bf, be = d * f - e * e, c * e - b * f, b * e - c * d
+    determinant = a * df + b * bf + c * be
+    if not (a > 0.0 and d > 0.0 and f > 0.0 and determinant > 0.0):
+        raise np.linalg.LinAlgError("the common block is not positive definite")
+    ac, ae = a * f - c * c, b * c - a * e
+    return np.asarray(np.array([[df, bf, be], [bf, ac, ae], [be, ae, a * d - b * b]]) / determinant)

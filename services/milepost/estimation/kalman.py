@@ -10,6 +10,7 @@ import numpy as np
 from .gaussian import inflate_common
 from .layout import Array, Layout
 from .motion import full_process_noise, full_transition
+from .observation import Observation
 
 
 def predict(x: Array, P: Array, F: Array, Q: Array) -> tuple[Array, Array]:
@@ -28,10 +29,13 @@ def update(x: Array, P: Array, h: Array, z: float, R: float) -> tuple[Array, Arr
     x (n), P (n, n), h (n), z and R scalar, R > 0. Source: A (4), (5), (7).
     """
     g = P @ h
-    K = g / (h @ g + R)
-    A = P - K[:, None] * g
-    P_new = A + (R * K - A @ h)[:, None] * K
-    return x + K * (z - h @ x), 0.5 * (P_new + P_new.T)
+    K = g / (float(h @ g) + R)
+    column = K[:, None]
+    A = P - column * g
+    P_new = A + (R * column - A @ h[:, None]) * K
+    P_new += P_new.T
+    P_new *= 0.5
+    return x + K * (z - float(h @ x)), P_new
 
 
 # sensors on a grid repeat the same few intervals for ever; those that do not must not fill the memory
@@ -52,6 +56,10 @@ class ArrayKernel:
     def pack(self, mean: Array, covariance: Array) -> tuple[Array, Array]:
         """A belief in the kernel's own form."""
         return np.array(mean, dtype=float), np.array(covariance, dtype=float)
+
+    def prior(self, mean: Array, covariance: Array) -> tuple[Array, Array]:
+        """What is believed before the first observation."""
+        return self.pack(mean, covariance)
 
     def shared(
         self, mean: Sequence[float] | Array, covariance: Sequence[Sequence[float]] | Array, share: float
@@ -81,3 +89,7 @@ class ArrayKernel:
     def update(self, state: tuple[Array, Array], row: tuple[float, ...], value: float, variance: float) -> tuple[Array, Array]:
         """The belief after one observation."""
         return update(*state, np.array(row), value, variance)
+
+    def take(self, state: tuple[Array, Array], observation: Observation) -> tuple[Array, Array]:
+        """The belief after one observation of a timeline."""
+        return self.update(state, observation.row, observation.value, observation.variance)

@@ -26,17 +26,18 @@ def process_noise(dt_s: float, jerk_psd: float) -> Array:
     """
     t2 = dt_s * dt_s
     t3 = t2 * dt_s
-    q02, q01, q12 = t3 / 6.0, t2 * t2 / 8.0, t2 / 2.0
-    matrix = np.array([[t2 * t3 / 20.0, q01, q02], [q01, t3 / 3.0, q12], [q02, q12, dt_s]])
-    return jerk_psd * matrix
+    q02, q01, q12 = jerk_psd * (t3 / 6.0), jerk_psd * (t2 * t2 / 8.0), jerk_psd * (t2 / 2.0)
+    return np.array([[jerk_psd * (t2 * t3 / 20.0), q01, q02], [q01, jerk_psd * (t3 / 3.0), q12], [q02, q12, jerk_psd * dt_s]])
 
 
 def full_transition(dt_s: float, layout: Layout) -> Array:
     """The transition over all states, shape (n, n): F(T) for the common block, exp(-T/τ) for each private state."""
     matrix = np.eye(layout.dimension)
-    matrix[:N_COMMON, :N_COMMON] = transition(dt_s)
+    matrix[0, 1] = matrix[1, 2] = dt_s
+    matrix[0, 2] = 0.5 * dt_s * dt_s
     for i, state in enumerate(layout.private, N_COMMON):
-        matrix[i, i] = math.exp(-dt_s / state.time_constant_s)
+        if state.time_constant_s < math.inf:
+            matrix[i, i] = math.exp(-dt_s / state.time_constant_s)
     return matrix
 
 
@@ -49,6 +50,6 @@ def full_process_noise(dt_s: float, jerk_psd: float, layout: Layout) -> Array:
     matrix[:N_COMMON, :N_COMMON] = process_noise(dt_s, jerk_psd)
     for i, state in enumerate(layout.private, N_COMMON):
         tau = state.time_constant_s
-        spread = dt_s if math.isinf(tau) else -0.5 * tau * math.expm1(-2.0 * dt_s / tau)
+        spread = dt_s if tau == math.inf else -0.5 * tau * math.expm1(-2.0 * dt_s / tau)
         matrix[i, i] = state.noise_psd * spread
     return matrix

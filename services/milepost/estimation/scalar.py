@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .layout import Array
+from .observation import Observation
 
 Scalars = tuple[float, float, float, float, float, float, float, float, float]
 
@@ -26,6 +27,10 @@ class ScalarKernel:
         """A belief in the kernel's own form."""
         m, p = np.asarray(mean, dtype=float).tolist(), np.asarray(covariance, dtype=float).tolist()
         return (m[0], m[1], m[2], p[0][0], p[0][1], p[0][2], p[1][1], p[1][2], p[2][2])
+
+    def prior(self, mean: Array, covariance: Array) -> Scalars:
+        """What is believed before the first observation."""
+        return self.pack(mean, covariance)
 
     def shared(self, mean: Sequence[float] | Array, covariance: Sequence[Sequence[float]] | Array, share: float) -> Scalars:
         """A belief with its covariance divided by the share β; from lists as they stand in messages, or arrays."""
@@ -95,3 +100,7 @@ class ScalarKernel:
             a12 + b1 * k2,
             a22 + b2 * k2,
         )
+
+    def take(self, state: Scalars, observation: Observation) -> Scalars:
+        """The belief after one observation of a timeline."""
+        return self.update(state, observation.row, observation.value, observation.variance)

@@ -10,46 +10,21 @@ from __future__ import annotations
 from bisect import bisect_left, bisect_right
 from collections.abc import Iterable
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple, Protocol
+from typing import Any, Protocol
 
+from .observation import Identity, Observation, Place, rank, untimely
 from .time_units import S_PER_NS
 
-FUTURE_NS = 500_000_000
 # deleting from the front of a list costs its length, so it is done for many knots at once
 PRUNE_AT_LEAST = 256
 FORGET_AT_LEAST = 2048
-
-
-class Observation(NamedTuple):
-    """One scalar observation z = h x + e, e ~ N(0, R): `row` is h over the timeline's states.
-
-    (`measured_at_ns`, `order`, `sequence`) is its place: `order` is the unit's row in the train file. (`unit`,
-    `instance`, `sequence`, `component`) is its identity.
-    """
-
-    measured_at_ns: int
-    order: int
-    sequence: int
-    instance: str
-    component: int
-    unit: str
-    row: tuple[float, ...]
-    value: float
-    variance: float
-
-
-def untimely(at_ns: int, boundary_ns: int, now_ns: int) -> str | None:
-    """The reason for which something measured at `at_ns` is refused: before the boundary, or too far ahead of now."""
-    if at_ns < boundary_ns:
-        return "too_old"
-    return "from_future" if at_ns > now_ns + FUTURE_NS else None
 
 
 class Kernel(Protocol):
     """The mathematics that a timeline runs: states are opaque to it."""
 
     def advance(self, state: Any, dt_s: float) -> Any: ...
-    def update(self, state: Any, row: tuple[float, ...], value: float, variance: float) -> Any: ...
+    def take(self, state: Any, observation: Observation) -> Any: ...
 
 
 @dataclass(slots=True)
@@ -77,11 +52,11 @@ class Timeline:
         self._base = prior
         self._base_ns: int | None = None
         self._rebased = False
-        self._keys: list[tuple[int, int, int, str, int]] = []
+        self._keys: list[Place] = []
         self._knots: list[Observation] = []
         self._states: list[Any] = []
         self._valid = 0
-        self._seen: dict[tuple[str, str, int, int], int] = {}
+        self._seen: set[Identity] = set()
         self._boundary_ns = 0
         self._forget_at = FORGET_AT_LEAST
 
@@ -108,15 +83,20 @@ class Timeline:
         return self._keys[-1][0] if self._keys else self._base_ns
 
     def insert(self, observation: Observation, now_ns: int) -> str | None:
-        """Put an observation where it belongs. Returns the reason if it is refused, `absorbed` if the base covers its time."""
+        """Put an observation where it belongs. Returns the reason if it is refused, `absorbed` if the base covers its time.
+
+        Of several that claim to be the same one, the least by instance, sequence and content stays, whichever came first.
+        """
         at = observation.measured_at_ns
-        identity = (observation.unit, observation.instance, observation.sequence, observation.component)
-        reason = self.untimely(at, now_ns)
+        self._move_boundary(now_ns)
+        reason = untimely(at, self._boundary_ns, now_ns)
         if reason is not None:
             return self._refuse(reason)
+        identity = observation.identity
         if identity in self._seen:
+            self._keep_the_least(observation)
             return self._refuse("duplicate")
-        self._seen[identity] = at
+        self._seen.add(identity)
         if self._rebased and self._base_ns is not None and at <= self._base_ns:
             return "absorbed"
         self.counters.accepted += 1
@@ -125,11 +105,10 @@ class Timeline:
 
     def untimely(self, at_ns: int, now_ns: int) -> str | None:
         """The reason for which something of this time would be refused."""
-        self._move_boundary(now_ns)
-        return untimely(at_ns, self._boundary_ns, now_ns)
+        return untimely(at_ns, max(self._boundary_ns, now_ns - self.horizon_ns), now_ns)
 
     def _place(self, observation: Observation) -> None:
-        key = observation[:5]
+        key = observation.place
         place = bisect_right(self._keys, key)
         if place < self._valid:
             self.counters.rewinds += 1
@@ -139,6 +118,14 @@ class Timeline:
         self._knots.insert(place, observation)
         self._states.insert(place, None)
 
+    def _keep_the_least(self, observation: Observation) -> None:
+        place = bisect_left(self._keys, observation.place)
+        if place == len(self._keys) or self._keys[place] != observation.place:
+            return  # the base has absorbed it
+        if rank(observation) < rank(self._knots[place]):
+            self._knots[place] = observation
+            self._valid = min(self._valid, place)
+
     def withdraw(self, unit: str, since_ns: int) -> list[Observation]:
         """Take a unit's observations from `since_ns` on out, as if they had never come. Returns them.
 
@@ -147,8 +134,8 @@ class Timeline:
         out = [knot for knot in self._knots if knot.unit == unit and knot.measured_at_ns >= since_ns]
         if out:
             kept = [knot for knot in self._knots if not (knot.unit == unit and knot.measured_at_ns >= since_ns)]
-            self._valid = min(self._valid, bisect_left(self._keys, out[0][:5]))
-            self._knots, self._keys = kept, [knot[:5] for knot in kept]
+            self._valid = min(self._valid, bisect_left(self._keys, out[0].place))
+            self._knots, self._keys = kept, [knot.place for knot in kept]
             self._states = self._states[: self._valid] + [None] * (len(kept) - self._valid)
         return out
 
@@ -182,7 +169,7 @@ class Timeline:
         place = self._valid
         if place >= until:
             return
-        advance, update = self.kernel.advance, self.kernel.update
+        advance, take = self.kernel.advance, self.kernel.take
         if place:
             state, at = self._states[place - 1], self._keys[place - 1][0]
         else:
@@ -192,7 +179,7 @@ class Timeline:
             if knot.measured_at_ns > at:
                 state = advance(state, (knot.measured_at_ns - at) * S_PER_NS)
                 at = knot.measured_at_ns
-            state = update(state, knot.row, knot.value, knot.variance)
+            state = take(state, knot)
             self._states[place] = state
             place += 1
         self._valid = until
@@ -212,7 +199,7 @@ class Timeline:
 
     def _forget(self) -> None:
         boundary = self._boundary_ns
-        self._seen = {identity: at for identity, at in self._seen.items() if at >= boundary}
+        self._seen = {identity for identity in self._seen if identity.measured_at_ns >= boundary}
         self._forget_at = max(FORGET_AT_LEAST, 2 * len(self._seen))
 
     def _drop(self, place: int) -> None:

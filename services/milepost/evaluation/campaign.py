@@ -27,7 +27,7 @@ class Skipped:
 
 @dataclass(frozen=True)
 class Evaluated:
-    """A scenario's results on all its seeds, its claims judged, and the traces of the first seed where they were kept."""
+    """A scenario's results on all its seeds, its judged claims, and the traces of the first seed if they were kept."""
 
     plan: Plan
     results: list[dict[str, Any]]
@@ -36,7 +36,7 @@ class Evaluated:
 
     @property
     def scenario(self) -> ScenarioFile:
-        """What the file says."""
+        """The scenario file."""
         return self.plan.scenario
 
     @property
@@ -46,7 +46,7 @@ class Evaluated:
 
 
 def find(folder: Path, only: Sequence[str]) -> tuple[list[Plan], list[Skipped]]:
-    """All scenarios of a folder, loaded and checked; `only` those so named. Raises ConfigError for any that is wrong."""
+    """The scenarios of a folder, loaded and checked; `only` the named ones if any are named. Raises ConfigError."""
     plans: list[Plan] = []
     skipped: list[Skipped] = []
     paths = sorted(folder.glob("*.yaml"))
@@ -58,18 +58,18 @@ def find(folder: Path, only: Sequence[str]) -> tuple[list[Plan], list[Skipped]]:
             continue
         absent = next((needed for needed in scenario.needs if not needed.exists()), None)
         if absent is not None:
-            skipped.append(Skipped(scenario.scenario, f"{absent} is not here"))
+            skipped.append(Skipped(scenario.scenario, f"{absent} does not exist"))
         else:
             plans.append(make_plan(path))
     known = {plan.path.stem for plan in plans} | {plan.scenario.scenario for plan in plans} | {s.scenario for s in skipped}
     for name in only:
         if name not in known:
-            raise ConfigError(folder, "--only", f"no scenario is called {name}")
+            raise ConfigError(folder, "--only", f"no scenario has the name {name}")
     return plans, skipped
 
 
 def tasks_of(plan: Plan, runs: int, keep: bool, record: Path | None = None) -> list[Task]:
-    """A task for each seed; traces and recording are of the first."""
+    """A task for each seed; the first keeps traces and the recording."""
     count = min(runs, plan.scenario.seeds or runs)
     return [
         Task(plan.path, plan.seed + run, plan.work_s, keep and run == 0, record if run == 0 else None) for run in range(count)
@@ -79,7 +79,7 @@ def tasks_of(plan: Plan, runs: int, keep: bool, record: Path | None = None) -> l
 def evaluate(
     plans: Sequence[Plan], runs: int, jobs: int, keep: bool, progress: ProgressCallback, record: Path | None = None
 ) -> list[Evaluated]:
-    """Every plan on so many seeds, all of them sharing the processes."""
+    """Every plan on `runs` seeds; all plans share the `jobs` processes."""
     tasks = [tasks_of(plan, runs, keep, record) for plan in plans]
     outcomes = iter(run_tasks([task for group in tasks for task in group], jobs, progress))
     return [_evaluated(plan, [next(outcomes) for _ in group]) for plan, group in zip(plans, tasks, strict=True)]
@@ -91,7 +91,7 @@ def _evaluated(plan: Plan, outcomes: list[Outcome]) -> Evaluated:
 
 
 def as_fields(done: Sequence[Evaluated], skipped: Sequence[Skipped]) -> dict[str, Any]:
-    """All results as one JSON object: figures and judged claims by scenario, and what was skipped."""
+    """All results as one JSON object: figures and judged claims by scenario, and the skipped scenarios."""
     return {
         "scenarios": {
             each.scenario.scenario: {**each.figures, "claims": [row.as_dict() for row in each.rows]} for each in done

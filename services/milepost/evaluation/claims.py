@@ -1,4 +1,4 @@
-"""What sources claim, held against what came out: a row for each claim, with the witness beside it."""
+"""Claims of the sources judged by the results: one row for each claim, with the optimum beside it."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from milepost.config.scenario_file import ClaimFile, ScenarioFile
 
 @dataclass(frozen=True)
 class SeedStatistics:
-    """A figure over all seeds: their median and the worst of them; `pooled`, where asked for, their root mean square."""
+    """A figure over all seeds: median and worst; `pooled` is the root mean square, where the claim asks for it."""
 
     median: float
     worst: float
@@ -22,7 +22,7 @@ class SeedStatistics:
 
 @dataclass(frozen=True)
 class JudgedClaim:
-    """A claim judged: the figure by the source's method, by Milepost and by the optimum; absent where there is none.
+    """A judged claim: the figure by the source's method, by Milepost and by the optimum, each None where it is missing.
 
     `met` is None where there is no target.
     """
@@ -44,7 +44,7 @@ class JudgedClaim:
 
 
 def judge(scenario: ScenarioFile, results: Sequence[dict[str, Any]]) -> list[JudgedClaim]:
-    """Each claim of a scenario against the figures of all its seeds. A figure that a run does not have meets nothing."""
+    """Judge each claim of a scenario by the figures of all its seeds. A claim whose figure is missing is not met."""
     return [_row(scenario, claim, results) for claim in scenario.claims]
 
 
@@ -98,13 +98,13 @@ def _value(claim: ClaimFile, estimator: str | None, result: dict[str, Any]) -> f
         return None
     value = _figure(condition["estimators"].get(estimator), claim.key)
     if value is None and estimator == claim.ours:
-        # such as `withheld_max_m`, which is of the whole run
+        # figures of the whole run, such as `withheld_max_m`
         value = _figure(condition, claim.key)
     return value
 
 
 def _figure(figures: Any, key: str) -> float | None:
-    """A figure by its name, the part after a dot being a place in a map or a list."""
+    """A figure by its name; the part after a dot is a key of a map or an index of a list."""
     name, _, place = key.partition(".")
     value = figures.get(name) if isinstance(figures, dict) else None
     if place and isinstance(value, dict):

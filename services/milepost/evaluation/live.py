@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from milepost.runtime.listening import listening
+from milepost.runtime.zenoh_config import client
 from milepost_schemas import BalisePassed, FusedState, Message, Truth
 
 GAP_MS = 60.0
@@ -44,9 +45,10 @@ def run_observe(connect: list[str], train: str, report: Path, stalls: Path) -> N
             truths[message.measured_at_ns] = message
 
     done = threading.Event()
-    for number in (signal.SIGTERM, signal.SIGINT):
-        signal.signal(number, lambda *_: done.set())
-    with listening(connect, ["state", "truth"], train, receive):
+    # it is started together with the router, and waits for it
+    with listening(connect, ["state", "truth"], train, receive, config=client):
+        for number in (signal.SIGTERM, signal.SIGINT):
+            signal.signal(number, lambda *_: done.set())
         done.wait()
     found = summarise(states, truths, _read_stalls(stalls))
     report.write_text(json.dumps(found, indent=2) + "\n", encoding="utf-8")

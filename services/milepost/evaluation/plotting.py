@@ -36,7 +36,7 @@ def draw_errors(path: Path, title: str, traces: Mapping[str, Trace], ours: str =
         below.plot(trace.t_s, trace.errors[:, 1], label=name, **style)
     mine = traces.get(ours)
     if mine is not None and mine.bounds is not None:
-        position, speed = (mine.truth + mine.errors)[:, :2].T
+        position, speed = mine.states[:, :2].T
         for axes, bounds, centre in ((above, mine.bounds[:, :2], position), (below, mine.bounds[:, 2:], speed)):
             axes.fill_between(mine.t_s, *(bounds.T - centre), color=OURS["color"], alpha=0.12, label=f"interval of {ours}")
     _limit(above, [trace.errors[:, 0] for trace in traces.values()])
@@ -59,7 +59,7 @@ def _style(name: str, ours: str, colours: Iterator[str]) -> dict[str, Any]:
 
 
 def _limit(axes: Any, errors: Sequence[Any]) -> None:
-    """All errors and a little more: an interval far wider than they are would leave nothing of them to be seen."""
+    """Limit the axis to the errors and a margin: a much wider interval would flatten the curves."""
     sizes = [np.abs(error) for error in errors]
     reach = max(1.15 * max(float(size.max()) for size in sizes), 2.5 * max(float(np.quantile(size, 0.99)) for size in sizes))
     low, high = axes.get_ylim()
@@ -86,17 +86,19 @@ def draw_diameter(path: Path, title: str, traces: Mapping[str, Trace], train: Tr
             scale, std = trace.private.get(f"{unit}.scale"), trace.private_std.get(f"{unit}.scale")
             if scale is None or std is None:
                 continue
-            travelled = np.abs(trace.truth[:, 0] - trace.truth[0, 0])
-            diameter = 1e3 * estimated_diameter_m(train, unit, scale)
+            travelled, diameter = trace.travelled_m, 1e3 * estimated_diameter_m(train, unit, scale)
             style = WITNESS if name == "centralised" else {"linewidth": 1.2}
             lines = axes.plot(travelled, diameter, label=name, **style)
             axes.fill_between(
-                travelled, *(diameter + k * 2.0 * std * diameter for k in (-1, 1)), color=lines[0].get_color(), alpha=0.12
+                trace.travelled_m,
+                *(diameter + k * 2.0 * std * diameter for k in (-1, 1)),
+                color=lines[0].get_color(),
+                alpha=0.12,
             )
         first = next(iter(traces.values()))
         true = true_diameter_m(train, unit, first.t_s)
         if true is not None:
-            axes.plot(np.abs(first.truth[:, 0] - first.truth[0, 0]), 1e3 * true, label="true", color="#c0392b", linewidth=1.0)
+            axes.plot(first.travelled_m, 1e3 * true, label="true", color="#c0392b", linewidth=1.0)
             axes.set_ylim(1e3 * true.min() * 0.985, 1e3 * true.max() * 1.015)
         axes.set_ylabel(f"{unit} diameter [mm]")
     panels[0, 0].legend(ncols=4, fontsize="small")

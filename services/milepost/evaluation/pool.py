@@ -1,4 +1,4 @@
-"""Many seeds of many scenarios on all cores; the results do not depend on how many cores there are."""
+"""Many seeds of many scenarios on all cores; the results do not depend on the number of cores."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ from milepost.offline.memory_bus import Tap
 from milepost.offline.message_log import write_line
 
 from .plan import make_plan
-from .scenario_run import ProgressCallback, Traces, run_plan
+from .scenario_run import ProgressCallback, Traces, later, run_plan
 
 LOOK_EVERY_S = 0.2
-# what a picture needs; the figures are made from every epoch
+# enough for a picture; figures are computed from every epoch
 EPOCHS_OF_A_PICTURE = 3000
 
 
 @dataclass(frozen=True)
 class Task:
-    """A scenario on one seed. `keep` asks for traces, `record` for every message of its own train in a file."""
+    """A scenario on one seed. `keep`: return traces. `record`: write every message of the scenario's own train to this file."""
 
     path: Path
     seed: int
@@ -39,7 +39,7 @@ class Task:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What came of a task: the figures and, where asked for, each case's traces, thinned out."""
+    """The result of a task: the figures and, if they were kept, the thinned traces of each case."""
 
     task: Task
     result: dict[str, Any]
@@ -47,22 +47,22 @@ class Outcome:
 
 
 class Cancelled(Exception):
-    """Somebody pressed Ctrl-C."""
+    """The evaluation was interrupted."""
 
 
 def run_tasks(tasks: Sequence[Task], jobs: int, progress: ProgressCallback) -> list[Outcome]:
-    """The outcomes, in the order of the tasks; `progress` is told the seconds of scenario time done in all."""
+    """The outcomes, in the order of the tasks; `progress` is called with the seconds of scenario time done in all."""
     if min(jobs, len(tasks)) <= 1:
         out, done = [], 0.0
         for task in tasks:
-            out.append(run_task(task, _from(progress, done)))
+            out.append(run_task(task, later(progress, done)))
             done += task.work_s
         return out
     return _in_processes(tasks, min(jobs, len(tasks)), progress)
 
 
 def run_task(task: Task, progress: ProgressCallback) -> Outcome:
-    """One task, here and now."""
+    """Run one task in this process."""
     plan = make_plan(task.path, task.seed)
     with _writer(task.record) as also:
         run = run_plan(plan, also, progress)
@@ -86,10 +86,6 @@ def _to(file: TextIO) -> Tap:
     return lambda output, now_ns: write_line(file, output.message.train, output, now_ns)
 
 
-def _from(progress: ProgressCallback, done_s: float) -> ProgressCallback:
-    return lambda t_s: progress(done_s + t_s)
-
-
 def _in_processes(tasks: Sequence[Task], jobs: int, progress: ProgressCallback) -> list[Outcome]:
     spawn = multiprocessing.get_context("spawn")
     with _interrupt_held_back():
@@ -97,12 +93,13 @@ def _in_processes(tasks: Sequence[Task], jobs: int, progress: ProgressCallback) 
         manager.start(_end_with_parent)
     with manager, ProcessPoolExecutor(jobs, mp_context=spawn, initializer=_end_with_parent) as pool:
         done_s, stop = manager.list([0.0] * len(tasks)), manager.Event()
-        with _interrupt_held_back():
-            futures = [pool.submit(_work, place, task, done_s, stop) for place, task in enumerate(tasks)]
         try:
+            # an interrupt that was held back comes at the end of this block: the tasks must be cancelled then too
+            with _interrupt_held_back():
+                futures = [pool.submit(_work, place, task, done_s, stop) for place, task in enumerate(tasks)]
             _watch(futures, lambda: progress(sum(done_s)))
         except BaseException:
-            # a worker looks at this each second of its scenario's time
+            # a worker checks this once per second of scenario time
             stop.set()
             pool.shutdown(wait=True, cancel_futures=True)
             raise
@@ -120,8 +117,8 @@ def _watch(futures: Sequence[Future[Outcome]], look: Callable[[], None]) -> None
 
 @contextmanager
 def _interrupt_held_back() -> Iterator[None]:
-    """What is started inside never hears Ctrl-C: it is for the process that a person started, which tells the others."""
-    # this one deals with signals by itself, and would let them through again where it is started inside
+    """Processes started inside never receive Ctrl-C: the main process receives it and stops them."""
+    # the tracker resets the signal mask when it starts, so it must run before the mask is set
     resource_tracker.ensure_running()
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
@@ -131,7 +128,7 @@ def _interrupt_held_back() -> Iterator[None]:
 
 
 def _end_with_parent() -> None:
-    """A process whose parent was killed has nobody left to work for."""
+    """End this process when its parent ends, even if the parent was killed."""
     parent = multiprocessing.parent_process()
 
     def wait_for_it() -> None:

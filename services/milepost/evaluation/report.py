@@ -1,4 +1,4 @@
-"""The report: one page with every claim beside what came out, every scenario's figures and pictures, and all of it as JSON."""
+"""The report: one page with all judged claims, the figures and pictures of every scenario, and the same as JSON."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from .scenario_run import Traces
 from .tables import HEADINGS, flat, row_cells, with_worst
 
 PAGE = Path(__file__).with_name("report.html")
-# more lines than this in one picture and none can be told from another
+# more lines than this in one picture cannot be told apart
 MOST_LINES = 6
 KIND = {True: "met", False: "missed", None: ""}
 CODE = re.compile(r"`([^`]+)`")
@@ -25,7 +25,7 @@ PICTURE = '<figure><img src="{file}" alt="{text}"><figcaption>{text}</figcaption
 
 
 def write_report(folder: Path, done: Sequence[Evaluated], skipped: Sequence[Skipped]) -> None:
-    """`index.html`, `results.json` and the pictures, in a folder that is made where it is not there."""
+    """Write `index.html`, `results.json` and the pictures into a folder, which is made if it does not exist."""
     folder.mkdir(parents=True, exist_ok=True)
     sections = [_section(each, _pictures(folder, each)) for each in done]
     rows = sorted((row for each in done for row in each.rows), key=lambda row: row.source)
@@ -52,7 +52,7 @@ def _claims(rows: Sequence[JudgedClaim]) -> str:
     for row in rows:
         lines.append(_line(row_cells(row), "td", KIND[row.met]))
         if row.met is False:
-            why = escape(row.why or "the scenario file does not say why")
+            why = escape(row.why or "no reason in the scenario file")
             lines.append(f'<tr class="why"><td></td><td colspan="{len(HEADINGS) - 1}">Not met: {why}</td></tr>')
     return "\n".join(lines)
 
@@ -77,7 +77,7 @@ def _section(each: Evaluated, pictures: Sequence[tuple[str, str]]) -> str:
 
 
 def _figures(name: str, condition: Mapping[str, Any]) -> str:
-    """A table of one condition: figures down, estimators across, medians with the worst in brackets."""
+    """The table of one condition: a row for each figure, a column for each estimator; medians, the worst in brackets."""
     estimators = condition["estimators"]
     medians = [flat({key: value for key, value in figures.items() if key != "worst"}) for figures in estimators.values()]
     worst = [flat(figures["worst"]) for figures in estimators.values()]
@@ -86,13 +86,14 @@ def _figures(name: str, condition: Mapping[str, Any]) -> str:
         cells = [with_worst(m[key], w[key]) if key in m else "-" for m, w in zip(medians, worst, strict=True)]
         lines.append(_line([key, *cells], "td"))
     alone = [f"{key}: {value:.4g}" for key, value in condition.items() if key.startswith(("fused_", "withheld_"))]
+    alone += [condition["not_scored"]] if "not_scored" in condition else []
     heading = f"<h3>{escape(name)}</h3>" if name else ""
     after = f"<p>{escape(', '.join(alone))}</p>" if alone else ""
     return f'{heading}<div class="wide"><table class="figures">{"".join(lines)}</table></div>{after}'
 
 
 def _pictures(folder: Path, each: Evaluated) -> list[tuple[str, str]]:
-    """Draws what there is to be drawn; (text, file) of each."""
+    """Draw the pictures of a scenario; returns (text, file) of each."""
     out: list[tuple[str, str]] = []
     for case in each.plan.cases:
         traces = (each.traces or {}).get(case.name)
@@ -102,8 +103,9 @@ def _pictures(folder: Path, each: Evaluated) -> list[tuple[str, str]]:
         stem = each.plan.path.stem + (f".{case.name}" if case.name else "")
         ours = next((claim.ours for claim in each.scenario.claims if claim.ours in traces), next(iter(traces)))
         chosen = _chosen(each, traces)
-        draw_errors(folder / f"{stem}.errors.png", title, chosen, ours, _shaded(each, case.name))
-        out.append((f"{title}: errors against the truth, and the published interval", f"{stem}.errors.png"))
+        if all(trace.truth is not None for trace in chosen.values()):
+            draw_errors(folder / f"{stem}.errors.png", title, chosen, ours, _shaded(each, case.name))
+            out.append((f"{title}: errors against the truth, and the published interval", f"{stem}.errors.png"))
         shared = {name: trace for name, trace in chosen.items() if len(trace.shares) > 1}
         if shared:
             draw_shares(folder / f"{stem}.shares.png", title, shared)
@@ -117,7 +119,7 @@ def _pictures(folder: Path, each: Evaluated) -> list[tuple[str, str]]:
 
 
 def _chosen(each: Evaluated, traces: Traces) -> Traces:
-    """Those that claims are about; where there are none, all, but not more than can be told apart."""
+    """The traces that claims name, or all of them where no claim names one; at most MOST_LINES."""
     named = {name for claim in each.scenario.claims for name in (claim.ours, claim.method, claim.optimum, claim.over)}
     chosen = {name: trace for name, trace in traces.items() if name in named} or traces
     return dict(list(chosen.items())[:MOST_LINES])

@@ -1,4 +1,4 @@
-"""What one offline run said."""
+"""The log of one offline run: what its estimators are scored from."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 from milepost.config.train import Train
 from milepost.estimation.centralised import Reading
 from milepost.estimation.layout import N_COMMON, PLACES_OF_COMMON, Array, Layout
-from milepost.estimation.timeline import Observation
+from milepost.estimation.observation import Observation
 from milepost.nodes.base import Output
 from milepost.nodes.observations import POSITION, of_fix, of_reading
 from milepost.offline.memory_bus import Tap
@@ -27,18 +27,18 @@ class PrivateStates(NamedTuple):
 
 
 def private_part(belief: Gaussian) -> PrivateStates:
-    """What a belief says of private states."""
+    """The private states of a belief."""
     P = belief.covariance
     return PrivateStates(list(belief.mean[N_COMMON:]), [P[i][i] for i in range(N_COMMON, len(P))])
 
 
 @dataclass
 class RunLog:
-    """What one offline run said: truth, readings and fixes, states, and private states as they last stood.
+    """The truth, readings and fixes, states and private states of one offline run. `truth` is empty where there is none.
 
     `private`: epoch → (means, variances), in the order of the train's layout: as they went back with the feedback, or, where
-    the rule fuses none, as each filter believed. `counted`: unit → the times of the observations
-    that its filter sent to the fuser.
+    the rule fuses none, as each filter believed. `counted`: unit → the times of the observations that its filter sent to the
+    fuser.
     """
 
     train: Train
@@ -55,7 +55,7 @@ class RunLog:
         self._believed = {unit: PrivateStates([], []) for unit, sensor in self.train.sensors.items() if sensor.private_states}
 
     def tap(self, output: Output, now_ns: int) -> None:
-        """One message on the bus."""
+        """Take one message of the bus."""
         message = output.message
         if self.also is not None:
             self.also(output, now_ns)
@@ -83,11 +83,14 @@ class RunLog:
             self.private[feedback.measured_at_ns] = PrivateStates(means, variances)
 
     def keep(self, state: FusedState) -> None:
-        """One settled state."""
+        """Take one settled state."""
         self.settled[state.measured_at_ns] = state
 
     def centralised_readings(self, unit: str | None = None) -> list[Reading]:
-        """Readings and fixes for a centralised pass, seen by observers of its own; of one unit, or of all."""
+        """Readings and fixes for a centralised pass, of one unit or of all, observed and judged at the belief of that pass.
+
+        The fuser judges the readings in the same way, in the order of time at its own belief, so that both count the same ones.
+        """
         observers = {name: sensor.observer() for name, sensor in self.train.sensors.items()}
         return [
             _reading(order, message, observers)
@@ -96,7 +99,7 @@ class RunLog:
         ]
 
     def begins_ns(self, mean: Array, covariance: Array, layout: Layout) -> int | None:
-        """The time of the earliest reading that says anything, given the prior over all states: there the prior sits."""
+        """The time of the earliest reading that counts, given the prior over all states: there the prior sits."""
         observers = {name: sensor.observer() for name, sensor in self.train.sensors.items()}
         for order, message in sorted(self.readings, key=lambda entry: (entry[1].measured_at_ns, entry[0], entry[1].sequence)):
             reading = _reading(order, message, observers)
@@ -107,7 +110,7 @@ class RunLog:
 
     @property
     def observations(self) -> list[Observation]:
-        """What fixes and the readings of linear sensors say, whatever is believed."""
+        """The observations of fixes and of the readings of linear sensors, which need no belief."""
         out = []
         for order, message in self.readings:
             if isinstance(message, AbsoluteFix):
@@ -121,7 +124,7 @@ def _reading(order: int, message: Any, observers: Mapping[str, Observer]) -> Rea
     if isinstance(message, AbsoluteFix):
         o = of_fix(message, order)
         rows = [(POSITION, o.value, o.variance)]
-        return Reading(*o[:4], message.reader, lambda mean, covariance: rows)  # noqa: ARG005
+        return Reading(o.measured_at_ns, order, o.sequence, o.instance, message.reader, lambda mean, covariance: rows)  # noqa: ARG005
     observe = observers[message.unit].observe
     head = (message.measured_at_ns, order, message.sequence, message.instance)
     return Reading(*head, message.unit, lambda mean, covariance: observe(message, Belief(mean, covariance)))

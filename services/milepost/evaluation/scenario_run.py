@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -18,7 +17,7 @@ from milepost.offline.memory_bus import Tap
 from milepost.offline.run import OFFLINE_START_NS, simulate
 from milepost.sensors.base import World
 
-from .plan import Case, Plan, make_plan
+from .plan import Case, Plan
 from .run_log import RunLog
 from .scores import basic
 from .trace import Trace, largest_difference_in_sigmas, trace_of_beliefs, trace_of_states
@@ -26,34 +25,27 @@ from .withheld import score_withheld
 
 ProgressCallback = Callable[[float], None]
 Traces = dict[str, Trace]
+NOT_SCORED = "no truth: position and speed errors are not scored"
 
 
 @dataclass(frozen=True)
 class Run:
-    """A scenario on one seed: its figures, what was heard of its own train, every case's and estimator's trace."""
+    """A scenario on one seed: its figures, the log of its own train, the traces of every case and estimator."""
 
     result: dict[str, Any]
     log: RunLog
     traces: dict[str, Traces]
 
 
-def evaluate_once(
-    path: Path, seed: int | None, also: Tap | None, progress: ProgressCallback
-) -> tuple[dict[str, Any], RunLog, Traces]:
-    """One seed: the figures, what was heard of the scenario's own train, its estimators' traces. Raises ConfigError."""
-    run = run_plan(make_plan(path, seed), also, progress)
-    return run.result, run.log, run.traces[""]
-
-
 def run_plan(plan: Plan, also: Tap | None, progress: ProgressCallback) -> Run:
-    """All cases of a plan, one after another; `progress` is told the seconds of scenario time done."""
+    """All cases of a plan, one after another; `progress` is told the seconds of scenario time done. Raises ConfigError."""
     scenario = plan.scenario
     result: dict[str, Any] = {"scenario": scenario.scenario, "seed": plan.seed, "duration_s": scenario.duration_s}
     figures, own, traces = _run_case(plan, plan.cases[0], also, progress)
     result |= figures
     kept, done = {"": traces}, plan.cases[0].runs * scenario.duration_s
     for case in plan.cases[1:]:
-        figures, _, kept[case.name] = _run_case(plan, case, None, _from(progress, done))
+        figures, _, kept[case.name] = _run_case(plan, case, None, later(progress, done))
         result.setdefault("variants", {})[case.name] = figures
         done += case.runs * scenario.duration_s
     return Run(result, own, kept)
@@ -63,14 +55,16 @@ def _run_case(plan: Plan, case: Case, also: Tap | None, progress: ProgressCallba
     duration_s = plan.scenario.duration_s
     log = RunLog(case.train, also)
     simulate(case.train, duration_s, log.tap, log.keep, progress)
-    if log.truth.keys().isdisjoint(log.live):
+    if log.truth and log.truth.keys().isdisjoint(log.live):
         raise ConfigError(plan.path, "duration_s", "the run ends before there is a state to be compared with the truth")
+    if not log.live:
+        raise ConfigError(plan.path, "duration_s", "the run ends before there is a state")
     traces: Traces = {}
     if "fused" in case.compare:
         traces["fused"] = _of_run(log, settled=True)
     for done, (name, train) in enumerate(case.comparators.items(), start=1):
         comparator = RunLog(train)
-        simulate(train, duration_s, comparator.tap, None, _from(progress, done * duration_s))
+        simulate(train, duration_s, comparator.tap, None, later(progress, done * duration_s))
         traces[name] = _of_run(comparator, settled=False)
     if "centralised" in case.compare:
         traces["centralised"] = _centralised(log, None)
@@ -79,7 +73,8 @@ def _run_case(plan: Plan, case: Case, also: Tap | None, progress: ProgressCallba
     return _figures(plan, case, log, traces), log, traces
 
 
-def _from(progress: ProgressCallback, done_s: float) -> ProgressCallback:
+def later(progress: ProgressCallback, done_s: float) -> ProgressCallback:
+    """Progress of work that begins when `done_s` seconds of scenario time are done."""
     return lambda t_s: progress(done_s + t_s)
 
 
@@ -91,18 +86,24 @@ def _figures(plan: Plan, case: Case, log: RunLog, traces: Traces) -> dict[str, A
         estimators[name] = basic(trace, plan.scenario.speed_after_s)
         estimators[name] |= _requested(case, name, traces, world)
     result: dict[str, Any] = {"estimators": estimators}
+    if not log.truth:
+        result["not_scored"] = NOT_SCORED
     if {"fused", "centralised"} <= set(traces):
         ours, best = estimators["fused"], estimators["centralised"]
-        result["fused_over_centralised"] = ours["position_rms_m"] / best["position_rms_m"]
+        if log.truth:
+            result["fused_over_centralised"] = ours["position_rms_m"] / best["position_rms_m"]
         result["fused_minus_centralised_max_sigma"] = largest_difference_in_sigmas(traces["fused"], traces["centralised"])
     if case.fixes:
         period_ns = case.train.file.fusion.period_ms * 1_000_000
-        result |= score_withheld(log.settled, case.fixes, case.train.line, OFFLINE_START_NS, period_ns)
+        try:
+            result |= score_withheld(log.settled, case.fixes, case.train.line, OFFLINE_START_NS, period_ns)
+        except ValueError as error:
+            raise ConfigError(plan.path, "withheld", str(error)) from error
     return result
 
 
 def _requested(case: Case, name: str, traces: Traces, world: World | None) -> dict[str, Any]:
-    """The figures that the scenario asks for and this estimator has; beside `fused` stand those that are of another one."""
+    """The requested figures of an estimator; those of `fused` include the ones that are computed for one estimator alone."""
     out = {}
     for requested in case.requested:
         of = name if requested.estimator is None else requested.estimator if name == "fused" else None
@@ -123,11 +124,12 @@ def _centralised(log: RunLog, unit: str | None) -> Trace:
     train = log.train
     everything = full_layout(train)
     layout = everything if unit is None else everything.only([unit])
-    said = prior(train)
-    begins_ns = log.begins_ns(*everything.prior(said.mean, said.std), everything)
+    start = prior(train)
+    begins_ns = log.begins_ns(*everything.prior(start.mean, start.std), everything)
+    epochs_ns = list(log.truth or log.settled)
     with rare_collection():
         results = centralised(
-            log.centralised_readings(unit), list(log.truth), layout, train.file.motion_model.jerk_psd_m2ps5, said, begins_ns
+            log.centralised_readings(unit), epochs_ns, layout, train.file.motion_model.jerk_psd_m2ps5, start, begins_ns
         )
         beliefs = {at: (mean, covariance) for at, mean, covariance in results}
         return trace_of_beliefs(beliefs, log.truth, OFFLINE_START_NS, layout.names)

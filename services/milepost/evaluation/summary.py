@@ -1,4 +1,4 @@
-"""Many seeds as one: medians over them, and the worst of each figure beside."""
+"""The results of many seeds as one: medians, and the worst of each figure."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ OF_THE_RUN = (
 
 
 def summary(results: Sequence[dict[str, Any]], more_is_better: set[str] | frozenset[str] = frozenset()) -> dict[str, Any]:
-    """Medians over the runs, and the worst of each figure under `worst`: the largest, or the least of `more_is_better`."""
+    """Medians over the runs; under `worst` the largest value of each figure, or the smallest of those in `more_is_better`."""
     first = results[0]
     out = {"scenario": first["scenario"], "seed": first["seed"], "duration_s": first["duration_s"], "runs": len(results)}
     out |= _condition(results, more_is_better)
@@ -35,11 +35,12 @@ def _condition(results: Sequence[dict[str, Any]], more_is_better: set[str] | fro
         estimators[name] = {key: over(v, _median) for key, v in values.items()}
         estimators[name]["worst"] = {key: over(v, min if key in more_is_better else max) for key, v in values.items()}
     alone = {key: max(r[key] for r in results) for key in OF_THE_RUN if key in results[0]}
-    return {"estimators": estimators, **alone}
+    not_scored = {"not_scored": results[0]["not_scored"]} if "not_scored" in results[0] else {}
+    return {"estimators": estimators, **alone, **not_scored}
 
 
 def over(values: Sequence[Any], reduce: Callable[[Sequence[float]], float]) -> Any:
-    """One figure over several seeds: numbers reduced, maps and lists entry by entry."""
+    """One figure over several seeds: `reduce` of the numbers; maps and lists entry by entry."""
     if isinstance(values[0], dict):
         return {key: over([value[key] for value in values if key in value], reduce) for key in values[0]}
     if isinstance(values[0], list):

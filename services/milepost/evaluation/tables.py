@@ -1,4 +1,4 @@
-"""Evaluations as text: one scenario's estimators, and all claims beside what came out."""
+"""Evaluations as text: the estimators of one scenario, and all judged claims."""
 
 from __future__ import annotations
 
@@ -6,14 +6,14 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from .claims import JudgedClaim, SeedStatistics
-from .scores import BASIC
+from .scores import BASIC, BASIC_WITHOUT_TRUTH
 
 HEADINGS = ("source", "scenario", "figure", "its claim", "its method here", "Milepost here", "optimum here", "target", "met")
 VERDICT = {True: "yes", False: "NO", None: "-"}
 
 
 def estimator_table(result: dict[str, Any]) -> str:
-    """The basic figures of each estimator, a line each; then those of the whole run, then each variant's."""
+    """The basic figures, a line for each estimator; then the figures of the whole run; then the variants."""
     lines = [f"{result['scenario']}: seed {result['seed']}, {result['duration_s']:g} s, {result.get('runs', 1)} run(s)"]
     lines += _condition(result)
     for name, variant in result.get("variants", {}).items():
@@ -22,19 +22,27 @@ def estimator_table(result: dict[str, Any]) -> str:
 
 
 def _condition(result: dict[str, Any]) -> list[str]:
-    lines = [f"{'':14}" + "".join(f"{key:>18}" for key in BASIC)]
+    columns = tuple(BASIC_WITHOUT_TRUTH) if "not_scored" in result else BASIC
+    width = max(17, *map(len, columns)) + 1
+    lines = [f"{'':14}" + "".join(f"{key:>{width}}" for key in columns)]
     for name, figures in result["estimators"].items():
-        lines.append(f"{name:14}" + "".join(f"{figures[key]:18.5f}" for key in BASIC))
+        lines.append(f"{name:14}" + "".join(_cell(figures.get(key), width) for key in columns))
     for name, figures in result["estimators"].items():
-        asked = {key: value for key, value in figures.items() if key not in (*BASIC, "worst")}
-        if asked:
-            lines.append(f"{name}: " + ", ".join(f"{key} {shown(value)}" for key, value in asked.items()))
+        requested = {key: value for key, value in figures.items() if key not in (*columns, "worst")}
+        if requested:
+            lines.append(f"{name}: " + ", ".join(f"{key} {shown(value)}" for key, value in requested.items()))
+    if "not_scored" in result:
+        lines.append(result["not_scored"])
     alone = {key: value for key, value in result.items() if isinstance(value, (int, float))}
     return lines + [f"{key}: {value:.9g}" for key, value in alone.items() if key not in ("seed", "duration_s", "runs")]
 
 
+def _cell(figure: float | None, width: int) -> str:
+    return f"{'-':>{width}}" if figure is None else f"{figure:{width}.5f}"
+
+
 def claims_table(rows: Sequence[JudgedClaim]) -> str:
-    """A line for each claim, and the reason below those that are not met."""
+    """A line for each claim; below a claim that is not met, the reason."""
     cells = [HEADINGS, *(row_cells(row) for row in rows)]
     widths = [max(len(row[i]) for row in cells) for i in range(len(HEADINGS))]
     lines = ["  ".join(f"{cell:{width}}" for cell, width in zip(row, widths, strict=True)).rstrip() for row in cells]
@@ -42,30 +50,30 @@ def claims_table(rows: Sequence[JudgedClaim]) -> str:
     for row, line in zip(rows, lines[1:], strict=True):
         out.append(line)
         if row.met is False:
-            out.append(f"    not met: {row.why or 'the scenario file does not say why'}")
+            out.append(f"    not met: {row.why or 'no reason in the scenario file'}")
     return "\n".join(out)
 
 
 def row_cells(row: JudgedClaim) -> tuple[str, ...]:
-    """A claim's row as text, in the order of the headings."""
+    """The cells of a claim, in the order of the headings."""
     spreads = [statistics_shown(spread) for spread in (row.method, row.ours, row.optimum)]
     return (row.source, row.scenario, row.label, row.says, *spreads, row.target, VERDICT[row.met])
 
 
 def statistics_shown(spread: SeedStatistics | None) -> str:
-    """The median or what was pooled, and the worst in brackets; a dash where there is no such figure."""
+    """The median or the pooled value, and the worst in brackets; a dash where the figure is missing."""
     if spread is None:
         return "-"
     return with_worst(spread.median if spread.pooled is None else spread.pooled, spread.worst)
 
 
 def with_worst(median: Any, worst: Any) -> str:
-    """A figure, and the worst of it in brackets where that is another."""
+    """A figure, and its worst value in brackets where the two differ."""
     return shown(median) if shown(median) == shown(worst) else f"{shown(median)} ({shown(worst)})"
 
 
 def flat(figures: Mapping[str, Any]) -> dict[str, float]:
-    """Figures with each entry of a map or a list by itself, named as claims name it: `key.entry`."""
+    """Figures with the entries of maps and lists as figures of their own, named `key.entry` as in claims."""
     out: dict[str, float] = {}
     for key, value in figures.items():
         entries = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else None
@@ -74,7 +82,7 @@ def flat(figures: Mapping[str, Any]) -> dict[str, float]:
 
 
 def shown(value: Any) -> str:
-    """A figure, a map or a list of them."""
+    """A figure, or a map or a list of figures, as text."""
     if isinstance(value, dict):
         return " ".join(f"{key}: {shown(entry)}" for key, entry in value.items())
     if isinstance(value, list):

@@ -87,6 +87,10 @@ class Node:
         """Take what a running process remembers, after a restart. Returns whether it was of use."""
         return False
 
+    def continue_numbering(self, earlier: Node) -> None:
+        """Number messages on from a node of the same instance that this one replaces: no number may come twice."""
+        self._sequences = dict(earlier._sequences)
+
     def head(self, stream: str, measured_at_ns: int, now_ns: int) -> dict[str, Any]:
         """The head of this node's next message on a stream."""
         sequence = self._sequences.get(stream, 0)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Iterable
 from typing import Any
 
@@ -10,17 +11,19 @@ from pydantic import ValidationError
 
 from milepost.estimation.filters.base import LocalFilter
 from milepost.estimation.layout import N_COMMON
-from milepost.estimation.timeline import FUTURE_NS, Observation
+from milepost.estimation.observation import FUTURE_NS, Observation
 from milepost.sensors.base import Belief, Observed, Sensor
 from milepost_schemas import Estimate, Feedback, Message
 
 from .base import Node, Output, Subscription
-from .observations import as_fields, of_reading
+from .observations import RESTORED_COMPONENT, as_fields, as_judged, of_reading
 
 # dividing by less would only make numbers that overflow
 LEAST_SHARE = 1e-6
 # a message may be sound by itself and yet be nothing to reckon with: no train is there, and the process must outlive it
 FARTHEST_MEAN, LARGEST_VARIANCE = 1e9, 1e15
+FORGET_AT_LEAST = 2048
+KEPT_READINGS = 64
 UNUSABLE = (ArithmeticError, np.linalg.LinAlgError, ValidationError)
 
 
@@ -41,6 +44,11 @@ class FilterNode(Node):
         self._observer = sensor.observer()
         self._restored: tuple[Observed, ...] = ()
         self._needs_belief = sensor.needs_belief
+        # rows that depend on more than the reading can be made anew by the fuser, from what the sensor stated
+        self._states_readings = sensor.needs_belief or self._observer is not sensor
+        self._unsent: deque[dict[str, Any]] = deque(maxlen=KEPT_READINGS)
+        self._moments: set[int] = set()
+        self._forget_at = FORGET_AT_LEAST
         self._filter = local
         self._estimator = local.estimator
         self._order = order
@@ -88,6 +96,9 @@ class FilterNode(Node):
         estimator = self._estimator
         estimator.advance_to(now_ns)
         reason = estimator.timeline.untimely(reading.measured_at_ns, now_ns)
+        if reason is None and reading.measured_at_ns in self._moments:
+            # before the observer sees it: what is repeated teaches nothing
+            reason = "duplicate"
         if reason is not None:
             yield from self.refuse_reading(self.unit, reading.sequence, reading.instance, reason, now_ns)
             return
@@ -109,22 +120,43 @@ class FilterNode(Node):
         """What there is to say after a reading, and why some of its observations do not count. Raises UNUSABLE."""
         belief = self._estimator.belief_at(reading.measured_at_ns) if self._needs_belief else None
         observed = self._observer.observe(reading, None if belief is None else Belief(*belief))
-        offered = of_reading(reading, self._order, (*observed, *self._restored))
+        self._remember(reading.measured_at_ns)
+        offered = of_reading(reading, self._order, observed)
+        offered += of_reading(reading, self._order, self._restored, RESTORED_COMPONENT)
         self._restored = ()
         counted, refused = self._filter.take(offered[: len(observed)], now_ns, known=offered[len(observed) :])
         if offered and not counted:
             return None, refused
         self._latest_ns = max(self._latest_ns, reading.measured_at_ns)
         state = self._estimator.lists_at(self._latest_ns)
+        if self._states_readings:
+            self._unsent.append(as_judged(reading, len(observed), self._observer.refused))
+        # what is refused before anything is believed waits for the first belief
         return None if state is None else self._estimate(counted, *state, now_ns), refused
 
-    def _estimate(self, counted: list[Observation], mean: list[float], covariance: list[list[float]], now_ns: int) -> Estimate:
+    def _remember(self, moment_ns: int) -> None:
+        self._moments.add(moment_ns)
+        if len(self._moments) > self._forget_at:
+            boundary_ns = self._estimator.timeline.boundary_ns
+            self._moments = {at for at in self._moments if at >= boundary_ns}
+            self._forget_at = max(FORGET_AT_LEAST, 2 * len(self._moments))
+
+    def _estimate(
+        self,
+        counted: list[Observation],
+        mean: list[float],
+        covariance: list[list[float]],
+        now_ns: int,
+    ) -> Estimate:
+        readings = list(self._unsent)
+        self._unsent.clear()
         # validated in one go from plain lists: half the cost of building each part by itself
         return Estimate.model_validate(
             {
                 **self.head("estimate", self._latest_ns, now_ns),
                 "belief": {"states": self._names, "mean": mean, "covariance": covariance},
                 "observations": [as_fields(o) for o in counted],
+                "readings": readings,
                 "feedback_epoch_ns": None if self._feedback is None else self._feedback.measured_at_ns,
             }
         )
@@ -139,7 +171,7 @@ class FilterNode(Node):
             return
         # a unit that does not count gets no feedback; but one that has never had any must begin somewhere, and one that
         # holds its readings back must know when they are right again
-        if share <= 0.0 and (self._feedback is None or self._observer.is_gating):
+        if share <= 0.0 and (self._feedback is None or self._observer.gating):
             share = self._estimator.share
         if share < LEAST_SHARE:
             return

@@ -3,46 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
 
 import numpy as np
 
-from milepost.estimation.estimator import Prior
-from milepost.estimation.fusion import RULES, Lists, LocalBelief
-from milepost.estimation.layout import Layout
-from milepost.estimation.shares import Shares
-from milepost.estimation.timeline import FUTURE_NS, Observation
+from milepost.estimation.fusion import RULES, Fused, LocalBelief
+from milepost.estimation.observation import FUTURE_NS, Observation
 from milepost.track.line import Line
-from milepost_schemas import AbsoluteFix, Estimate, Feedback, FusedState, Gaussian, Message
+from milepost_schemas import AbsoluteFix, Estimate, Feedback, FusedState, Gaussian, Message, Refused
 
 from .base import Node, Output, Subscription
-from .observations import of_estimate, of_fix
-from .roster import UNKNOWN, Roster, UnitRow
+from .fuser_settings import FuserSettings
+from .observations import of_estimate, of_fix, whole_readings
+from .roster import UNKNOWN, Presence, Roster
 from .state_writer import StateWriter
 
 # an epoch further back than this is not worth sending live
 BACKLOG_NS = 1_000_000_000
 # how long the first epoch is held back for units that have not been heard yet
 HOLD_NS = 1_000_000_000
-
-
-@dataclass(frozen=True)
-class FuserSettings:
-    """What a train file says of fusion; `sigmas` and `lost_above_m` as in `state_writer`."""
-
-    rule: str
-    period_ns: int
-    deadline_ns: int
-    horizon_ns: int
-    feedback: bool
-    feedback_every: int
-    shares: Shares
-    sigmas: float
-    lost_above_m: float
-    jerk_psd: float
-    prior: Prior
-    layout: Layout
-    units: list[UnitRow]
 
 
 class FuserNode(Node):
@@ -55,7 +33,7 @@ class FuserNode(Node):
         self.subscriptions = [Subscription("estimate"), Subscription("fix")]
         self._settings = settings
         self._rule = RULES[settings.rule](
-            settings.layout, settings.jerk_psd, settings.prior, settings.horizon_ns, settings.feedback
+            settings.layout, settings.jerk_psd, settings.prior, settings.horizon_ns, settings.feedback, settings.judges
         )
         self._roster = Roster(settings.units, settings.shares, settings.deadline_ns)
         self._orders = {row.unit: row.order for row in settings.units}
@@ -66,8 +44,11 @@ class FuserNode(Node):
         self._latest_ns = 0
         self._epoch_ns: int | None = None
         self._settled_ns: int | None = None
+        self._resumed_ns = 0
         # the shares of an epoch go by the state of the one before it where the rule needs them for its state
-        self._fused_before = self._settled_before = (float(settings.prior.mean[1]), UNKNOWN)
+        self._prior_mps = float(settings.prior.mean[1])
+        self._fused_before: Fused | None = None
+        self._settled_before: Fused | None = None
 
     @property
     def rewinds(self) -> int:
@@ -84,7 +65,7 @@ class FuserNode(Node):
             return False
         mean, covariance = np.array(feedback.fused.mean), np.array(feedback.fused.covariance)
         self._rule.start_from(feedback.measured_at_ns, mean, covariance)
-        self._earliest_ns = self._latest_ns = feedback.measured_at_ns
+        self._earliest_ns = self._latest_ns = self._resumed_ns = feedback.measured_at_ns
         self._epoch_ns = feedback.measured_at_ns + self._settings.period_ns
         self._roster.expect_from(feedback.measured_at_ns)
         return True
@@ -119,11 +100,15 @@ class FuserNode(Node):
         if order is None:
             yield from self.refuse("unknown_unit", f"{estimate.unit} is not in the train file", now_ns)
             return
-        observations = of_estimate(estimate, order)
-        said = estimate.belief
+        judge, said = self._settings.judges.get(estimate.unit), estimate.belief
         belief = LocalBelief(estimate.measured_at_ns, said.mean, said.covariance, estimate.feedback_epoch_ns is not None)
+        rows = of_estimate(estimate, order)
         try:
+            observations = rows if judge is None else whole_readings(estimate, order, judge.message)
             reasons = self._rule.take_estimate(estimate.unit, belief, observations, now_ns)
+        except Refused as refused:
+            yield from self.refuse(refused.reason, f"{estimate.unit}: {refused.detail}", now_ns)
+            return
         except ValueError as error:
             yield from self.refuse("other_layout", str(error), now_ns)
             return
@@ -135,6 +120,21 @@ class FuserNode(Node):
             )
         for observation, reason in zip(observations, reasons, strict=False):
             yield from self._noted(observation, reason, now_ns)
+        taken = {o.measured_at_ns for o, reason in zip(observations, reasons, strict=False) if reason is None}
+        self._note_judgements(estimate, [row for row in rows if row.measured_at_ns in taken], taken)
+
+    def _note_judgements(self, estimate: Estimate, rows: list[Observation], taken: set[int]) -> None:
+        """What the filter lets count: shares go by it, and so does the presence of units that the fuser does not judge."""
+        unit, judged = estimate.unit, {r.measured_at_ns for r in estimate.readings}
+        for reading in estimate.readings:
+            if reading.measured_at_ns in taken and reading.counts:
+                self._roster.counted(unit, reading.measured_at_ns)
+            elif reading.measured_at_ns in taken and reading.why is not None:
+                self._roster.refused(unit, reading.measured_at_ns, reading.why)
+        for row in rows:
+            self._roster.informed(unit, row)
+            if row.measured_at_ns not in judged:
+                self._roster.counted(unit, row.measured_at_ns)
 
     def _take_fix(self, fix: AbsoluteFix, now_ns: int) -> Iterable[Output]:
         order = self._orders.get(fix.reader)
@@ -152,7 +152,7 @@ class FuserNode(Node):
             yield from self.refuse_reading(observation.unit, observation.sequence, observation.instance, reason, now_ns)
             return
         at = observation.measured_at_ns
-        self._roster.saw(observation, now_ns)
+        self._roster.arrived(observation.unit, at, now_ns)
         self._earliest_ns = at if self._earliest_ns is None else min(self._earliest_ns, at)
         self._latest_ns = max(self._latest_ns, at)
         if self._epoch_ns is None and self._may_begin(now_ns):
@@ -184,18 +184,30 @@ class FuserNode(Node):
             yield from self._publish(self._epoch_ns, missing, now_ns)
             self._epoch_ns += self._settings.period_ns
 
+    def _fuse(self, epoch_ns: int, live: bool, before: Fused | None) -> tuple[Fused, Presence] | None:
+        """The fused state of an epoch and who is in it; None before anything counted. `before`: the last epoch's state."""
+        roster, presence = self._roster, None
+        if self._rule.needs_shares:
+            speed_mps, variances = (before.speed_mps, before.variances) if before else (self._prior_mps, UNKNOWN)
+            presence = roster.at(epoch_ns, live, {}, speed_mps, variances)
+        fused = self._rule.state_at(epoch_ns, presence.shares if presence else {})
+        if fused is None:
+            return None
+        if presence is None or roster.follows_state:
+            presence = roster.at(epoch_ns, live, fused.verdicts, fused.speed_mps, fused.variances)
+        return fused, presence
+
     def _publish(self, epoch_ns: int, missing: list[str], now_ns: int) -> Iterator[Output]:
-        presence = self._roster.at(epoch_ns, True, *self._fused_before)
-        fused = self._rule.state_at(epoch_ns, presence.shares)
-        earliest = self._earliest_ns
-        if fused is None or earliest is None:
+        made = self._fuse(epoch_ns, True, self._fused_before)
+        if made is None:
             return
-        self._fused_before = speed_and_variances(fused)
-        presence = self._roster.shared(presence, epoch_ns, *self._fused_before)
+        fused, presence = made
+        self._fused_before = fused
+        since_ns = max(fused.since_ns, self._resumed_ns)
         head = self.head("state", epoch_ns, now_ns)
-        yield Output("state", "", self._writer.write(head, fused, presence, earliest, missing, settled=False))
+        yield Output("state", "", self._writer.write(head, fused, presence, since_ns, missing, settled=False))
         if self._settings.feedback and epoch_ns // self._settings.period_ns % self._settings.feedback_every == 0:
-            body = Gaussian(states=self._rule.names, mean=fused[0], covariance=fused[1])
+            body = Gaussian(states=self._rule.names, mean=fused.mean, covariance=fused.covariance)
             head = self.head("feedback", epoch_ns, now_ns)
             self._feedback = Feedback(**head, fused=body, shares=dict(presence.shares))
             yield Output("feedback", "", self._feedback)
@@ -216,17 +228,10 @@ class FuserNode(Node):
         while self._settled_ns < now_ns - horizon if now_ns is not None else self._settled_ns <= self._latest_ns:
             at = self._settled_ns
             self._settled_ns += period
-            presence = self._roster.at(at, False, *self._settled_before)
-            fused = self._rule.state_at(at, presence.shares)
-            if fused is not None:
-                self._settled_before = speed_and_variances(fused)
-                presence = self._roster.shared(presence, at, *self._settled_before)
+            made = self._fuse(at, False, self._settled_before)
+            if made is not None:
+                self._settled_before, presence = made
                 head = {"train": self.train, "unit": self.unit, "instance": "settled", "sequence": at // period}
                 head |= {"measured_at_ns": at, "published_at_ns": at + horizon}
-                yield self._writer.write(head, fused, presence, self._earliest_ns, [], settled=True)
-
-
-def speed_and_variances(fused: Lists) -> tuple[float, tuple[float, float, float]]:
-    """What shares go by: the fused speed, and the variances of [s, v, a]."""
-    P = fused[1]
-    return fused[0][1], (P[0][0], P[1][1], P[2][2])
+                since_ns = max(self._settled_before.since_ns, self._resumed_ns)
+                yield self._writer.write(head, self._settled_before, presence, since_ns, [], settled=True)

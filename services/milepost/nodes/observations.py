@@ -5,21 +5,26 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
-from milepost.estimation.timeline import Observation
+from milepost.estimation.observation import Observation
 from milepost.sensors.base import Observed
-from milepost_schemas import AbsoluteFix, Estimate, Message
+from milepost_schemas import AbsoluteFix, Estimate, Message, from_fields
 
 POSITION = (1.0, 0.0, 0.0)
 
 
-def of_reading(reading: Message, order: int, observed: Iterable[Observed]) -> list[Observation]:
+# a restored calibration is sent with a reading, but is none of its rows
+RESTORED_COMPONENT = 100
+HEAD = frozenset(Message.model_fields)
+
+
+def of_reading(reading: Message, order: int, observed: Iterable[Observed], first_component: int = 0) -> list[Observation]:
     """A reading's observations; `order` is its unit's row in the train file."""
     head = (reading.measured_at_ns, order, reading.sequence, reading.instance)
-    return [Observation(*head, i, reading.unit, *seen) for i, seen in enumerate(observed)]
+    return [Observation(*head, i, reading.unit, *seen) for i, seen in enumerate(observed, start=first_component)]
 
 
 def of_estimate(estimate: Estimate, order: int) -> list[Observation]:
-    """The observations that a filter passes on: the same ones, whoever repeats them."""
+    """The rows that a filter passes on: the same ones, whoever repeats them."""
     return [
         Observation(
             o.measured_at_ns,
@@ -34,6 +39,37 @@ def of_estimate(estimate: Estimate, order: int) -> list[Observation]:
         )
         for o in estimate.observations
     ]
+
+
+def whole_readings(estimate: Estimate, order: int, message: type[Message]) -> list[Observation]:
+    """An estimate's readings as the sensor stated them, to be judged where they stand, and the rows that are none of theirs.
+
+    Raises Refused for fields that are not the sensor's.
+    """
+    out = []
+    for r in estimate.readings:
+        head = {"train": estimate.train, "unit": estimate.unit, "instance": r.sensor_instance, "sequence": r.reading_sequence}
+        times = {"measured_at_ns": r.measured_at_ns, "published_at_ns": estimate.published_at_ns}
+        reading = from_fields({**r.fields, **head, **times}, message)
+        out.append(
+            Observation(r.measured_at_ns, order, r.reading_sequence, r.sensor_instance, 0, estimate.unit, (), reading=reading)
+        )
+    stated = {(o.instance, o.sequence) for o in out}
+    rows = of_estimate(estimate, order)
+    return out + [o for o in rows if o.component >= RESTORED_COMPONENT or (o.instance, o.sequence) not in stated]
+
+
+def as_judged(reading: Message, rows: int, why: str | None) -> dict[str, Any]:
+    """A reading and its filter's judgement as the fields of a JudgedReading."""
+    return {
+        "sensor_instance": reading.instance,
+        "reading_sequence": reading.sequence,
+        "measured_at_ns": reading.measured_at_ns,
+        "fields": {name: value for name, value in reading.__dict__.items() if name not in HEAD and value is not None},
+        "rows": rows,
+        "counts": rows > 0,
+        "why": why,
+    }
 
 
 def as_fields(o: Observation) -> dict[str, Any]:

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from bisect import bisect_left, bisect_right, insort
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
+from milepost.estimation.judging import Verdict
+from milepost.estimation.observation import Observation
 from milepost.estimation.shares import Shares
-from milepost.estimation.timeline import Observation
+from milepost.estimation.time_units import S_PER_NS
 
 STALE_NS = 1_000_000_000
 # how far back a unit's accuracy is looked for; twice its period where that is longer, or a slow unit would seem to know nothing
@@ -19,20 +21,28 @@ KEPT_TIMES = 4096
 
 @dataclass(frozen=True, slots=True)
 class UnitRow:
-    """A unit's row in the train file, `order` from 0. `period_ns` None: never due. `fused`: a filter speaks for it."""
+    """A unit's row in the train file, `order` from 0.
+
+    `period_ns` None: never due. `fused`: a filter speaks for it. `latency_ns`: from the time at which a reading is true to the
+    time at which the sensor can send it.
+    """
 
     unit: str
     order: int
     period_ns: int | None
     fused: bool
+    latency_ns: int = 0
 
 
 @dataclass(slots=True)
 class _Unit:
+    """What is known of a unit: `times` of what counted, `refusals` (time, why), the h²/R of [s, v, a] of recent rows."""
+
     row: UnitRow
     times: list[int] = field(default_factory=list)
-    # time, then h²/R of position, speed and acceleration
-    recent_information: list[tuple[int, float, float, float]] = field(default_factory=list)
+    refusals: list[tuple[int, str]] = field(default_factory=list)
+    recent_ns: list[int] = field(default_factory=list)
+    recent: tuple[list[float], list[float], list[float]] = field(default_factory=lambda: ([], [], []))
     arrived_ns: int = 0
     punctual: bool = True
     gone: set[str] = field(default_factory=set)
@@ -41,9 +51,38 @@ class _Unit:
     def window_ns(self) -> int:
         return max(WINDOW_NS, 2 * (self.row.period_ns or 0))
 
-    def last_at(self, at_ns: int) -> int | None:
+    @property
+    def stale_ns(self) -> int:
+        return max(STALE_NS, 3 * (self.row.period_ns or 0))
+
+    def verdict_at(self, at_ns: int) -> Verdict:
+        """What the filter's own judgements make of it: the last that counted, and the last refusal after it."""
         place = bisect_right(self.times, at_ns)
-        return self.times[place - 1] if place else None
+        counted_ns = self.times[place - 1] if place else None
+        place = bisect_right(self.refusals, at_ns, key=_time)
+        heard_ns, why = self.refusals[place - 1] if place else (None, None)
+        if heard_ns is None or (counted_ns is not None and counted_ns >= heard_ns):
+            return Verdict(None, counted_ns, counted_ns)
+        return Verdict(None, heard_ns, counted_ns, None, why)
+
+    def information(self, at_ns: int, variances: Sequence[float]) -> float:
+        """J = Σ h P hᵀ/R over the window, for a second of it."""
+        window_ns = self.window_ns
+        first, last = bisect_right(self.recent_ns, at_ns - window_ns), bisect_right(self.recent_ns, at_ns)
+        total = sum(P * sum(column[first:last]) for P, column in zip(variances, self.recent, strict=True))
+        return total * WINDOW_NS / window_ns
+
+    def forget(self, before_ns: int) -> None:
+        """Drop what no epoch will ask for; the last time before stays: it tells how old a silent unit is."""
+        del self.times[: max(0, bisect_left(self.times, before_ns) - 1)]
+        del self.refusals[: max(0, bisect_left(self.refusals, before_ns, key=_time) - 1)]
+        place = bisect_left(self.recent_ns, before_ns - self.window_ns)
+        for column in (self.recent_ns, *self.recent):
+            del column[:place]
+
+
+def _time(entry: tuple[int, str]) -> int:
+    return entry[0]
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,8 +97,8 @@ class Presence:
 class Roster:
     """Times of every unit's observations, tokens that are gone, and punctuality.
 
-    An epoch waits for a unit whose reading is due (its last time + its period ≤ the epoch) and has not come. A unit that
-    let a deadline pass is not waited for until a reading of it comes within `deadline_ns` of being measured again.
+    An epoch waits for a unit whose reading is due and has not come: due is its last time + its period + its latency. A unit
+    that let a deadline pass is not waited for until a reading of it comes within `deadline_ns` of being measured again.
     """
 
     def __init__(self, rows: list[UnitRow], shares: Shares, deadline_ns: int) -> None:
@@ -67,24 +106,40 @@ class Roster:
         self._shares = shares
         self._deadline_ns = deadline_ns
 
-    def saw(self, observation: Observation, now_ns: int) -> None:
-        """An observation was taken."""
-        unit, measured_at_ns = observation.unit, observation.measured_at_ns
+    @property
+    def follows_state(self) -> bool:
+        """Whether the shares depend on the fused state."""
+        return self._shares.follows_state
+
+    def counted(self, unit: str, measured_at_ns: int) -> None:
+        """A unit's reading counts."""
         known = self._units[unit]
-        if self._shares.by_information:
-            h0, h1, h2 = observation.row[:3]
-            R = observation.variance
-            insort(known.recent_information, (measured_at_ns, h0 * h0 / R, h1 * h1 / R, h2 * h2 / R))
         insort(known.times, measured_at_ns)
         if len(known.times) > 2 * KEPT_TIMES:
             del known.times[:KEPT_TIMES]
-        self.arrived(unit, measured_at_ns, now_ns)
+
+    def refused(self, unit: str, measured_at_ns: int, why: str) -> None:
+        """A unit's filter let a reading not count."""
+        known = self._units[unit]
+        insort(known.refusals, (measured_at_ns, why))
+        if len(known.refusals) > 2 * KEPT_TIMES:
+            del known.refusals[:KEPT_TIMES]
+
+    def informed(self, unit: str, observation: Observation) -> None:
+        """A unit's row, by which shares that go by accuracy are chosen."""
+        if not self._shares.by_information:
+            return
+        known, R = self._units[unit], observation.variance
+        place = bisect_right(known.recent_ns, observation.measured_at_ns)
+        known.recent_ns.insert(place, observation.measured_at_ns)
+        for column, h in zip(known.recent, observation.row, strict=False):
+            column.insert(place, h * h / R)
 
     def arrived(self, unit: str, measured_at_ns: int, now_ns: int) -> None:
-        """A unit's reading came, whether or not it could be used."""
+        """A unit's reading came, whether or not it counts."""
         known = self._units[unit]
         known.arrived_ns = max(known.arrived_ns, measured_at_ns)
-        if now_ns - measured_at_ns <= self._deadline_ns:
+        if now_ns - measured_at_ns <= self._deadline_ns + known.row.latency_ns:
             known.punctual = True
 
     def process_alive(self, process: str, alive: bool) -> None:
@@ -96,7 +151,7 @@ class Roster:
 
     def all_heard(self) -> bool:
         """Whether every unit with a filter has been heard at least once."""
-        return all(unit.times for unit in self._units.values() if unit.row.fused)
+        return all(unit.arrived_ns for unit in self._units.values() if unit.row.fused)
 
     def expect_from(self, at_ns: int) -> None:
         """After a restart: every unit was there at a time, so its next reading is due."""
@@ -104,14 +159,11 @@ class Roster:
             unit.arrived_ns = max(unit.arrived_ns, at_ns)
 
     def missing(self, epoch_ns: int) -> list[str]:
-        """The units whose reading is due at or before the epoch and has not come; stale ones are excluded instead."""
+        """The units whose reading could be there by the epoch and has not come; stale ones are excluded instead."""
         out = []
         for name, unit in self._units.items():
-            period = unit.row.period_ns
-            last = max(unit.times[-1] if unit.times else 0, unit.arrived_ns)
-            if period is None or last == 0:
-                continue
-            if last + period <= epoch_ns and epoch_ns - last <= max(STALE_NS, 3 * period):
+            period, last = unit.row.period_ns, unit.arrived_ns
+            if period is not None and last and last + period + unit.row.latency_ns <= epoch_ns <= last + unit.stale_ns:
                 out.append(name)
         return out
 
@@ -123,52 +175,54 @@ class Roster:
         """An epoch was sent without a unit that it had waited for."""
         self._units[unit].punctual = False
 
-    def at(self, epoch_ns: int, live: bool, speed_mps: float = 0.0, variances: Sequence[float] = UNKNOWN) -> Presence:
-        """Who counts at an epoch, with shares at a speed and at variances of [s, v, a].
+    def at(
+        self,
+        epoch_ns: int,
+        live: bool,
+        verdicts: Mapping[str, Verdict],
+        speed_mps: float = 0.0,
+        variances: Sequence[float] = UNKNOWN,
+    ) -> Presence:
+        """Who counts at an epoch by the fuser's `verdicts` and the filters', with shares at a speed and variances of [s, v, a].
 
         Tokens matter only live: a settled state is a function of what was observed.
         """
         ages: dict[str, float] = {}
         excluded: dict[str, str] = {}
         for name, unit in self._units.items():
-            gone = live and bool(unit.gone)
-            if not unit.row.fused:
-                if gone:
-                    excluded[name] = "process gone"
-                continue
-            last = unit.last_at(epoch_ns)
-            if gone:
+            if live and unit.gone:
                 excluded[name] = "process gone"
-            elif last is None:
-                excluded[name] = "never heard"
-            elif epoch_ns - last > max(STALE_NS, 3 * (unit.row.period_ns or 0)):
-                heard = unit.arrived_ns > last and epoch_ns - unit.arrived_ns <= STALE_NS
-                excluded[name] = "no usable reading" if live and heard else "silent"
-            else:
-                ages[name] = (epoch_ns - last) * 1e-9
+            elif unit.row.fused:
+                verdict = verdicts.get(name) or unit.verdict_at(epoch_ns)
+                reason = _why_not(verdict, epoch_ns, unit.stale_ns)
+                if reason == "silent" and live and epoch_ns - unit.arrived_ns <= unit.stale_ns:
+                    reason = "no usable reading"
+                if reason is not None:
+                    excluded[name] = reason
+                elif verdict.counted_ns is not None:
+                    ages[name] = (epoch_ns - verdict.counted_ns) * S_PER_NS
         return Presence(ages, self._shares_of(list(ages), epoch_ns, speed_mps, variances), excluded)
-
-    def shared(self, presence: Presence, epoch_ns: int, speed_mps: float, variances: Sequence[float]) -> Presence:
-        """The same with the shares that go with a fused state: its speed, its variances of [s, v, a]."""
-        if not self._shares.follows_state:
-            return presence
-        return replace(presence, shares=self._shares_of(list(presence.ages_s), epoch_ns, speed_mps, variances))
 
     def _shares_of(self, reporting: list[str], epoch_ns: int, speed_mps: float, variances: Sequence[float]) -> dict[str, float]:
         information: dict[str, float] = {}
         if self._shares.by_information:
-            information = {unit: self._information(unit, epoch_ns, variances) for unit in reporting}
+            information = {unit: self._units[unit].information(epoch_ns, variances) for unit in reporting}
         return self._shares.at(reporting, speed_mps, information)
 
-    def _information(self, unit: str, epoch_ns: int, variances: Sequence[float]) -> float:
-        recent_information, window_ns = self._units[unit].recent_information, self._units[unit].window_ns
-        first = bisect_right(recent_information, epoch_ns - window_ns, key=lambda b: b[0])
-        last = bisect_right(recent_information, epoch_ns, key=lambda b: b[0])
-        ps, pv, pa = variances[:3]
-        return sum(s * ps + v * pv + a * pa for _, s, v, a in recent_information[first:last]) * WINDOW_NS / window_ns
-
     def forget(self, before_ns: int) -> None:
-        """Drop times that no epoch will ask for; the last one before stays: it tells how old a silent unit is."""
+        """Drop what no epoch will ask for."""
         for unit in self._units.values():
-            del unit.times[: max(0, bisect_left(unit.times, before_ns) - 1)]
-            del unit.recent_information[: bisect_left(unit.recent_information, before_ns - unit.window_ns, key=lambda b: b[0])]
+            unit.forget(before_ns)
+
+
+def _why_not(verdict: Verdict, epoch_ns: int, stale_ns: int) -> str | None:
+    """Why a unit does not count at an epoch; None where it does."""
+    if verdict.heard_ns is None:
+        return "never heard"
+    if epoch_ns - verdict.heard_ns > stale_ns:
+        return "silent"
+    if verdict.gating is not None:
+        return verdict.gating
+    if verdict.counted_ns is None or epoch_ns - verdict.counted_ns > stale_ns:
+        return verdict.refused or "no usable reading"
+    return None

@@ -5,7 +5,7 @@ from __future__ import annotations
 from bisect import bisect_right, insort
 from typing import Any
 
-from milepost.estimation.fusion import Lists
+from milepost.estimation.fusion import Fused
 from milepost.estimation.integrity import interval
 from milepost.track.line import Line
 from milepost_schemas import AbsoluteFix, FusedState
@@ -41,11 +41,11 @@ class StateWriter:
             del self._fixes[:KEPT_FIXES]
 
     def write(
-        self, head: dict[str, Any], fused: Lists, presence: Presence, earliest_ns: int, missing: list[str], *, settled: bool
+        self, head: dict[str, Any], fused: Fused, presence: Presence, since_ns: int, missing: list[str], *, settled: bool
     ) -> FusedState:
         """The state at `head["measured_at_ns"]`: a function of what was observed until then (and, live, of tokens)."""
         line, at_ns = self._line, head["measured_at_ns"]
-        (s, v, a), P = fused[0][:3], [row[:3] for row in fused[1][:3]]
+        (s, v, a), P = fused.mean[:3], [row[:3] for row in fused.covariance[:3]]
         place = bisect_right(self._fixes, at_ns, key=lambda fix: fix[0])
         last = self._fixes[place - 1] if place else None
         inside = abs(s) < FARTHEST_M and abs(v) < FASTEST_MPS
@@ -54,7 +54,7 @@ class StateWriter:
         low, high = interval(s, P[0][0], self._sigmas, line.map_accuracy_m + (last[3] if last else self._worst_accuracy_m))
         slow, fast = interval(v, P[1][1], self._sigmas)
         latitude, longitude = line.track.locate(s) if line.track is not None else (None, None)
-        status: Status = self._status(at_ns - earliest_ns, high - s, presence) if inside else "lost"
+        status: Status = self._status(at_ns - since_ns, high - s, presence) if inside else "lost"
         fields = {
             **head,
             "epoch": at_ns // self._period_ns,

@@ -1,4 +1,4 @@
-"""The world's process: the true motion, on the epoch grid, for those who compare."""
+"""The world's process: it owns scenario time and tells the true motion, on the epoch grid, to those who compare."""
 
 from __future__ import annotations
 
@@ -11,10 +11,11 @@ from .base import Node, Output
 
 
 class WorldNode(Node):
-    """Publishes the truth at each epoch, until the line or the recording ends."""
+    """Publishes the truth at each epoch until scenario time ends, at `end_s`. Without a motion there is no truth."""
 
-    def __init__(self, train: str, instance: str, motion: Motion, start_ns: int, period_ns: int) -> None:
+    def __init__(self, train: str, instance: str, motion: Motion | None, end_s: float, start_ns: int, period_ns: int) -> None:
         super().__init__(train, "world", instance)
+        self.end_s = end_s
         self._motion = motion
         self._start_ns = start_ns
         self._period_ns = period_ns
@@ -31,11 +32,12 @@ class WorldNode(Node):
         out: list[Output] = []
         while self._next_ns + self._delay_ns <= now_ns and not self.finished:
             t = (self._next_ns - self._start_ns) * 1e-9
-            if t > self._motion.end_s:
+            if t > self.end_s:
                 self.finished = True
                 break
-            s, v, a = self._motion.at(t)
-            head = self.head("truth", self._next_ns, now_ns)
-            out.append(Output("truth", "", Truth(**head, position_m=s, speed_mps=v, acceleration_mps2=a)))
+            if self._motion is not None:
+                s, v, a = self._motion.at(t)
+                head = self.head("truth", self._next_ns, now_ns)
+                out.append(Output("truth", "", Truth(**head, position_m=s, speed_mps=v, acceleration_mps2=a)))
             self._next_ns += self._period_ns
         return out

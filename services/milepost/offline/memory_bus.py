@@ -18,7 +18,9 @@ class MemoryBus:
         self._nodes = list(nodes)
         self._tap = tap
         self._before_step = before_step
-        self._routes: dict[tuple[str, str], list[Node]] = {}
+        self._routes: dict[tuple[str, str], tuple[list[Node], list[Node]]] = {}
+        # what wakes nobody: each node's newest message of a stream, until a message of another one comes
+        self._newest: dict[Node, dict[str, Message]] = {}
         self._queue: deque[Output] = deque()
         self._due: dict[Node, int] = {}
 
@@ -62,13 +64,20 @@ class MemoryBus:
             if tap is not None:
                 tap(output, now_ns)
             where = (output.stream, output.unit)
-            listeners = routes.get(where)
-            if listeners is None:
-                listeners = routes[where] = [n for n in self._nodes if _wants(n, *where)]
-            for node in listeners:
+            route = routes.get(where)
+            if route is None:
+                route = routes[where] = (self._listeners(*where, newest=False), self._listeners(*where, newest=True))
+            for node in route[1]:
+                self._newest.setdefault(node, {})[output.stream] = output.message
+            for node in route[0]:
+                for message in self._newest.pop(node, {}).values():
+                    queue.extend(node.step(message, now_ns))
                 queue.extend(node.step(output.message, now_ns))
                 self._ask(node)
 
+    def _listeners(self, stream: str, unit: str, newest: bool) -> list[Node]:
+        return [node for node in self._nodes if _wants(node, stream, unit, newest)]
 
-def _wants(node: Node, stream: str, unit: str) -> bool:
-    return any(s.stream == stream and s.unit in ("*", unit) for s in node.subscriptions)
+
+def _wants(node: Node, stream: str, unit: str, newest: bool) -> bool:
+    return any(s.stream == stream and s.unit in ("*", unit) and s.newest_only == newest for s in node.subscriptions)

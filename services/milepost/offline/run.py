@@ -7,9 +7,11 @@ from dataclasses import dataclass, field
 
 from milepost.config.roles import ROLES, Setting, processes
 from milepost.config.train import Train
+from milepost.config.yaml_files import ConfigError
 from milepost.estimation.time_units import NS_PER_S
 from milepost.nodes.base import Node
 from milepost.nodes.fuser import FuserNode
+from milepost.nodes.world import WorldNode
 from milepost_schemas import FusedState, Message
 
 from .collector import rare_collection
@@ -54,11 +56,17 @@ def simulate(
     settled: Callable[[FusedState], None] | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> None:
-    """Run all of a simulated train's processes for `duration_s` of scenario time. `progress` is told the time done."""
-    setting = Setting("offline", train.world(duration_s), OFFLINE_START_NS)
+    """Run all processes of a simulated or replayed train for `duration_s` of scenario time, or until its world ends.
+
+    `progress` is told the time done. Raises ConfigError for a train without scenario time.
+    """
+    if not train.has_scenario_time:
+        raise ConfigError(train.path, "world", "needed for an offline run without recordings")
+    setting = Setting.of(train, "offline", duration_s, OFFLINE_START_NS)
     nodes = [ROLES[p.role].build(train, p.unit, setting) for p in processes(train)]
     run = OfflineRun(train, nodes, tap, settled)
-    end_ns = OFFLINE_START_NS + round(min(duration_s, setting.world.motion.end_s if setting.world else duration_s) * NS_PER_S)
+    end_s = min([duration_s, *(node.end_s for node in nodes if isinstance(node, WorldNode))])
+    end_ns = OFFLINE_START_NS + round(end_s * NS_PER_S)
     done = OFFLINE_START_NS
     with rare_collection():
         while done <= end_ns:

@@ -1,9 +1,9 @@
-"""A user's own log as readings of any kind of sensor: the rows of its CSV file by the train file's column map."""
+"""A CSV log as readings of any kind of sensor, by the column map of the train file."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import partial
 from itertools import groupby
 from typing import Any, NamedTuple, get_args
@@ -19,23 +19,22 @@ from .table import Cell, read_table
 from .units import factor, unit_of
 
 TIME = "time"
-# valid values of the fields that every message has, to see whether a row's own make a message
+# valid values of the fields that every message has, to check a row's own fields
 HEAD: dict[str, Any] = {"train": "t", "unit": "u", "instance": "i", "sequence": 0, "measured_at_ns": 1, "published_at_ns": 1}
-
-
-# the fields that say over how long a reading is a mean
+# the fields for the time over which a reading is a mean
 INTERVALS = ("interval_s", "mean_over_s")
 
 
 class Recorded(NamedTuple):
-    """A reading of a recording, and when its last row was there."""
+    """A reading of a recording, when its last row was there, and the line of that row in the file."""
 
     ready_s: float
     reading: Measured
+    line: int
 
 
 def check_map(options: RecordingOptions, message: type[Message]) -> None:
-    """Whether a map can make messages. Raises ValueError for a field that is not theirs, one that lacks, and a wrong unit."""
+    """Check that a map makes valid messages. Raises ValueError for an unknown field, a missing one, and a wrong unit."""
     known = {name: field for name, field in message.model_fields.items() if name not in Message.model_fields}
     given = [*options.columns, *options.constants]
     for name in given:
@@ -79,7 +78,7 @@ def _holds(annotation: Any, kind: type) -> bool:
 
 
 def _as_field(value: Any, field: FieldInfo) -> Any:
-    """A constant written as a whole number, 1, where the field is a measure: a mean must not take it for a count."""
+    """A constant as the field's type: 1 for a real quantity becomes 1.0, which `averaged` would else take for a count."""
     whole = isinstance(value, int) and not isinstance(value, bool)
     return float(value) if whole and _holds(field.annotation, float) else value
 
@@ -108,72 +107,60 @@ def _count(text: str) -> int:
     return int(value)
 
 
-class CsvSource:
-    """The readings of a recording from scenario time `from_s` on, at their own pace, read as they are needed.
+def time_zero_s(options: RecordingOptions) -> float:
+    """The time in the time column at scenario time 0, in seconds. Raises ValueError and OSError for a file without one."""
+    if options.time.zero_s is not None:
+        return options.time.zero_s
+    first = next(read_table(options.file, {TIME: Cell(options.time.column, options.time.seconds)}), None)
+    if first is None or first.error is not None:
+        raise ValueError(f"{options.file}: {'no row' if first is None else first.error}")
+    zero_s: float = first.values[TIME]
+    return zero_s
 
-    A row that is not after the one before is skipped: `skipped` counts them, and `told` has the place of the first.
-    The whole file is looked through first. Raises ValueError, naming file, line and column, for a row that cannot be
-    read, and where what the map makes of the first row is no message.
-    """
 
-    def __init__(self, options: RecordingOptions, message: type[Message], from_s: float) -> None:
+class ColumnMap:
+    """The rows of a recording as readings, on scenario time. Raises ValueError as `check_map` does."""
+
+    def __init__(self, options: RecordingOptions, message: type[Message]) -> None:
         check_map(options, message)
-        self._options = options
+        self._options, self._message = options, message
+        self._cells = _cells(options, message)
         self._constants = {name: _as_field(value, message.model_fields[name]) for name, value in options.constants.items()}
-        self._from_s = max(from_s, 0.0)
         self._vectors = {name: len(columns) for name, columns in options.columns.items() if isinstance(columns, list)}
         self._intervals = [name for name in INTERVALS if name in message.model_fields and name not in options.columns]
-        self.skipped: dict[str, int] = {}
-        self.told: dict[str, str] = {}
-        cells = _cells(options, message)
-        if sum(1 for _ in self._rows(cells)) < 1:
-            raise ValueError(f"{options.file}: no row")
-        self.skipped.clear()
-        rows = self._rows(cells)
-        readings = rows if options.average_s is None else self._averaged(rows, options.average_s)
-        self._readings = (recorded for recorded in readings if recorded.reading.measured_s >= self._from_s)
-        self._next = next(self._readings, None)
-        if self._next is not None:
-            self._check(message, self._next.reading.fields)
 
-    def next_s(self) -> float | None:
-        """When the next reading is ready."""
-        return None if self._next is None else self._next.ready_s
-
-    def read(self) -> Measured | None:
-        """The next reading."""
-        recorded, self._next = self._next, next(self._readings, None)
-        return None if recorded is None else recorded.reading
-
-    def _check(self, message: type[Message], fields: dict[str, Any]) -> None:
-        try:
-            message(**HEAD, **fields)
-        except ValidationError as error:
-            first = error.errors(include_url=False)[0]
-            place = ".".join(str(part) for part in first["loc"])
-            text = first["msg"].removeprefix("Value error, ")
-            raise ValueError(f"{self._options.file}: the first reading: {place}{': ' if place else ''}{text}") from error
-
-    def _skip(self, reason: str, text: str) -> None:
-        self.skipped[reason] = self.skipped.get(reason, 0) + 1
-        self.told.setdefault(reason, f"{self._options.file}: {text}")
-
-    def _rows(self, cells: Mapping[str, Cell]) -> Iterator[Recorded]:
+    def rows(self) -> Iterator[Recorded]:
+        """Every row in the order of the file. Raises ValueError naming file, line and column."""
         time = self._options.time
-        zero_s = None if time.zero_at is None else time.seconds(str(time.zero_at))
-        last_s = -math.inf
-        for line, values, error in read_table(self._options.file, cells):
+        zero_s = time.zero_s
+        for line, values, error in read_table(self._options.file, self._cells):
             if error is not None:
                 raise ValueError(f"{self._options.file}: {error}")
             stamp = values.pop(TIME)
             zero_s = stamp if zero_s is None else zero_s
             # times since 1970 are good to a quarter of a microsecond
             at = round(stamp - zero_s + self._options.shift_s, 6)
-            if at <= last_s:
-                self._skip("out_of_order", f"line {line}: {time.column}: not after the row before")
-                continue
-            last_s = at
-            yield Recorded(at, Measured(at, self._fields(values)))
+            yield Recorded(at, Measured(at, self._fields(values)), line)
+
+    def check(self, reading: Measured, place: str) -> None:
+        """Check that a reading makes a valid message. Raises ValueError naming file, `place` and field."""
+        try:
+            self._message(**HEAD, **reading.fields)
+        except ValidationError as error:
+            first = error.errors(include_url=False)[0]
+            field = ".".join(str(part) for part in first["loc"])
+            text = first["msg"].removeprefix("Value error, ")
+            raise ValueError(f"{self._options.file}: {place}: {field}{': ' if field else ''}{text}") from error
+
+    def averaged(self, rows: Iterable[Recorded]) -> Iterator[Recorded]:
+        """Rows, which must be in order of time, as means over `average_s`; as they are where there is none."""
+        average_s = self._options.average_s
+        if average_s is None:
+            yield from rows
+            return
+        # a row on the boundary belongs to the window that it ends
+        for _, window in groupby(rows, lambda row: math.ceil(row.ready_s / average_s - 1e-9)):
+            yield self._mean(list(window), average_s)
 
     def _fields(self, values: dict[str, Any]) -> dict[str, Any]:
         for name, size in self._vectors.items():
@@ -181,32 +168,70 @@ class CsvSource:
             values[name] = None if None in parts else parts
         return self._constants | {name: value for name, value in values.items() if value is not None}
 
-    def _averaged(self, rows: Iterator[Recorded], average_s: float) -> Iterator[Recorded]:
-        # a row on the boundary belongs to the window that it ends
-        for _, window in groupby(rows, lambda row: math.ceil(row.ready_s / average_s - 1e-9)):
-            yield self._mean([row.reading for row in window], average_s)
-
-    def _mean(self, rows: list[Measured], average_s: float) -> Recorded:
+    def _mean(self, rows: list[Recorded], average_s: float) -> Recorded:
         """The mean of the rows of one window, true at the mean of their times where the quantity changes evenly.
 
         Of white errors the variance of the mean is 1/n of a row's, and a standard deviation 1/√n of it.
         """
+        readings, last = [row.reading for row in rows], rows[-1]
         fields: dict[str, Any] = {}
-        for name in rows[-1].fields:
-            fields[name] = _mean_of(name, [row.fields[name] for row in rows if name in row.fields])
+        for name in last.reading.fields:
+            fields[name] = _mean_of(name, [reading.fields[name] for reading in readings if name in reading.fields])
         fields |= dict.fromkeys(self._intervals, average_s)
-        return Recorded(rows[-1].measured_s, Measured(sum(row.measured_s for row in rows) / len(rows), fields))
+        measured_s = sum(reading.measured_s for reading in readings) / len(readings)
+        return Recorded(last.ready_s, Measured(measured_s, fields), last.line)
 
 
-def _mean_of(name: str, said: list[Any]) -> Any:
-    last, n = said[-1], len(said)
+class CsvSource:
+    """The readings of a recording from scenario time `from_s` on, at their own pace, read as they are needed.
+
+    A row that is not after the one before is skipped: `skipped` counts them, and `told` has the place of the first.
+    The whole file is checked first. Raises ValueError naming file, line and column for a row that cannot be read, and
+    naming the field for a first reading that is not a valid message.
+    """
+
+    def __init__(self, options: RecordingOptions, message: type[Message], from_s: float) -> None:
+        self._file, self._column = options.file, options.time.column
+        self.skipped: dict[str, int] = {}
+        self.told: dict[str, str] = {}
+        table = ColumnMap(options, message)
+        if sum(1 for _ in table.rows()) < 1:
+            raise ValueError(f"{options.file}: no row")
+        readings = table.averaged(self._in_order(table.rows()))
+        self._readings = (recorded for recorded in readings if recorded.reading.measured_s >= max(from_s, 0.0))
+        self._next = next(self._readings, None)
+        if self._next is not None:
+            table.check(self._next.reading, "the first reading")
+
+    def next_s(self) -> float | None:
+        """The time at which the next reading is ready; None after the last."""
+        return None if self._next is None else self._next.ready_s
+
+    def read(self) -> Measured | None:
+        """The next reading."""
+        recorded, self._next = self._next, next(self._readings, None)
+        return None if recorded is None else recorded.reading
+
+    def _in_order(self, rows: Iterable[Recorded]) -> Iterator[Recorded]:
+        last_s = -math.inf
+        for row in rows:
+            if row.ready_s > last_s:
+                last_s = row.ready_s
+                yield row
+                continue
+            self.skipped["out_of_order"] = self.skipped.get("out_of_order", 0) + 1
+            self.told.setdefault("out_of_order", f"{self._file}: line {row.line}: {self._column}: not after the row before")
+
+
+def _mean_of(name: str, values: list[Any]) -> Any:
+    last, n = values[-1], len(values)
     if isinstance(last, list):
-        return [sum(column) / n for column in zip(*said, strict=True)]
+        return [sum(column) / n for column in zip(*values, strict=True)]
     if not isinstance(last, float):
         return last
     if name == "course_deg":
-        return math.degrees(math.atan2(*(sum(f(math.radians(a)) for a in said) for f in (math.sin, math.cos)))) % 360.0
-    mean = sum(said) / n
+        return math.degrees(math.atan2(*(sum(f(math.radians(a)) for a in values) for f in (math.sin, math.cos)))) % 360.0
+    mean = sum(values) / n
     if "variance" in name.split("_"):
         return mean / n
     return mean / math.sqrt(n) if "std" in name.split("_") else mean

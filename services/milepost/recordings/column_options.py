@@ -1,4 +1,4 @@
-"""How a train file says which column of a recording is which field, in which unit."""
+"""The column map of a train file: which column of a recording is which field, in which unit."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Scalar = bool | int | float | str
 
 
 class TimeOptions(BaseModel):
-    """The column of times. `zero_at`: the column's value at scenario time 0, as it would stand there; else the first row's."""
+    """The time column. `zero_at`: its value at scenario time 0, in its own unit and format; default: that of the first row."""
 
     model_config = STRICT
     column: str
@@ -25,10 +25,15 @@ class TimeOptions(BaseModel):
     @model_validator(mode="after")
     def _readable(self) -> TimeOptions:
         if self.unit != ISO and (self.unit not in UNITS or UNITS[self.unit].quantity != "time"):
-            raise ValueError(f"{self.unit!r} is no unit of time")
+            raise ValueError(f"{self.unit!r} is not a unit of time")
         if self.zero_at is not None:
             self.seconds(str(self.zero_at))
         return self
+
+    @property
+    def zero_s(self) -> float | None:
+        """`zero_at` in seconds."""
+        return None if self.zero_at is None else self.seconds(str(self.zero_at))
 
     def seconds(self, text: str) -> float:
         """A time in the column as seconds. Raises ValueError."""
@@ -36,9 +41,9 @@ class TimeOptions(BaseModel):
 
 
 class ColumnOptions(BaseModel):
-    """A column: its unit, or for words what each means (`"ABC*"`: whatever begins so; `"*"`: all others).
+    """A column with its unit, or, for words, the value of each word (`"ABC*"`: words that begin so; `"*"`: all others).
 
-    `scale` multiplies what was read: -1 turns an axis round.
+    `scale` multiplies the number: -1 reverses an axis.
     """
 
     model_config = STRICT
@@ -49,9 +54,9 @@ class ColumnOptions(BaseModel):
 
 
 class RecordingOptions(BaseModel):
-    """A recording: a CSV `file` with a header, its `time`, the columns of the message's fields, and fields that do not change.
+    """A recording: a CSV `file` with a header, its `time` column, the columns of the message's fields, and constant fields.
 
-    `average_s`: means over so long, for logs faster than a filter needs. `shift_s`: how much later it is replayed.
+    `average_s`: replay means over this time, for logs faster than a filter needs. `shift_s`: replay this much later.
     """
 
     model_config = STRICT
@@ -65,5 +70,5 @@ class RecordingOptions(BaseModel):
     @model_validator(mode="after")
     def _once(self) -> RecordingOptions:
         for name in self.constants.keys() & self.columns.keys():
-            raise ValueError(f"{name} is a column and a constant")
+            raise ValueError(f"{name} is both a column and a constant")
         return self

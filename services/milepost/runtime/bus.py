@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import logging
 import queue
+import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -15,6 +17,8 @@ import zenoh.ext
 
 from milepost_schemas import BY_NAME, Message, Refused, Stream, alive_key, decode, encode, rpc_key
 
+from .instances import Token, token_of
+
 PRIORITIES = {
     "real_time": zenoh.Priority.REAL_TIME,
     "interactive_high": zenoh.Priority.INTERACTIVE_HIGH,
@@ -22,7 +26,11 @@ PRIORITIES = {
     "data": zenoh.Priority.DATA,
     "background": zenoh.Priority.BACKGROUND,
 }
+log = logging.getLogger("milepost")
 HEARTBEAT_S = 0.5
+# a process that waits for a router says so after this time
+SAY_WAITING_AFTER_S = 3.0
+HOW_TO_START = "start one with `milepost up` or `milepost run router`"
 # Rejected: one thread for all of Zenoh's work (ZENOH_RUNTIME with `handover`). It saves a fifth of the processor and lost
 # a hundred states in two seconds, twice in four runs.
 # the binding's stubs ask for both of two options that exclude each other
@@ -43,8 +51,7 @@ class Received:
 class AliveChange:
     """A process's token appeared or went."""
 
-    unit: str
-    instance: str
+    token: Token
     alive: bool
 
 
@@ -72,13 +79,24 @@ class NoRouterError(ConnectionError):
 def open_session(config: dict[str, Any]) -> Iterator[Any]:
     """A Zenoh session that is closed whatever happens: without that, a crashed process would keep its token alive."""
     zenoh.init_log_from_env_or("error")
-    try:
-        opened = zenoh.open(zenoh.Config.from_json5(json.dumps(config)))
-    except zenoh.ZError as error:
-        endpoints = (config.get("connect") or config.get("listen") or {}).get("endpoints", [])
-        raise NoRouterError(f"{config.get('mode')} at {', '.join(endpoints)}: {_first_line(error)}") from error
-    with opened as session:
+    with _open(config) as session:
         yield session
+
+
+def _open(config: dict[str, Any]) -> Any:
+    """Open a session; a client without a time limit says that it waits. Raises NoRouterError."""
+    endpoints = ", ".join((config.get("connect") or config.get("listen") or {}).get("endpoints", []))
+    waiting = threading.Timer(SAY_WAITING_AFTER_S, log.warning, (f"no router at {endpoints} yet: {HOW_TO_START}",))
+    waiting.daemon = True
+    if config.get("connect", {}).get("timeout_ms", 0) < 0:
+        waiting.start()
+    try:
+        return zenoh.open(zenoh.Config.from_json5(json.dumps(config)))
+    except zenoh.ZError as error:
+        what = f"no router at {endpoints}: {HOW_TO_START}" if "connect" in config else f"cannot listen on {endpoints}"
+        raise NoRouterError(f"{what} ({_first_line(error)})") from error
+    finally:
+        waiting.cancel()
 
 
 def _first_line(error: Exception) -> str:
@@ -106,7 +124,7 @@ class ZenohBus:
             put(Received(stream, sample, now()))
 
         key = stream.key_for(self.train, unit)
-        if stream.cached and stream.rate_hz is None:
+        if stream.cached and stream.paced_by == "event":
             recovery: Any = RECOVERY(heartbeat=True)
             self._kept.append(zenoh.ext.declare_advanced_subscriber(self.session, key, receive, recovery=recovery))
         else:
@@ -125,14 +143,18 @@ class ZenohBus:
             if sample is not None:
                 yield Received(stream, sample, time.time_ns())
 
-    def watch_tokens(self) -> None:
-        """Receive the coming and going of every process of the train, beginning with those that are there."""
+    def watch_tokens(self) -> Any:
+        """Receive the coming and going of every process of the train, beginning with those that are there.
+
+        Until what it returns is undeclared.
+        """
 
         def changed(sample: Any) -> None:
-            unit, instance = str(sample.key_expr).rsplit("/", 2)[-2:]
-            self.inbox.put(AliveChange(unit, instance, sample.kind == zenoh.SampleKind.PUT))
+            self.inbox.put(AliveChange(token_of(sample.key_expr), sample.kind == zenoh.SampleKind.PUT))
 
-        self._kept.append(self.session.liveliness().declare_subscriber(alive_key(self.train), changed, history=True))
+        watch = self.session.liveliness().declare_subscriber(alive_key(self.train), changed, history=True)
+        self._kept.append(watch)
+        return watch
 
     def declare_alive(self, unit: str, instance: str) -> None:
         """Show that this instance lives, until the session ends."""

@@ -7,17 +7,31 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
-from milepost_schemas import BY_NAME, Message, Refused, decode
+import zenoh
+
+from milepost_schemas import BY_NAME, Message, Refused, alive_key, decode
 
 from . import zenoh_config
 from .bus import open_session
+from .instances import Token, token_of
 
 Receive = Callable[[str, Message, int], None]
+Alive = Callable[[Token, bool], None]
 
 
 @contextmanager
-def listening(endpoints: list[str], streams: Sequence[str], train: str, receive: Receive) -> Iterator[Any]:
-    """Call `receive(stream, message, received_at_ns)` for every message of these streams. Raises NoRouterError."""
+def listening(
+    endpoints: list[str],
+    streams: Sequence[str],
+    train: str,
+    receive: Receive,
+    alive: Alive | None = None,
+    config: Callable[[list[str]], dict[str, Any]] = zenoh_config.tool,
+) -> Iterator[Any]:
+    """Call `receive(stream, message, received_at_ns)` for every message of these streams, and `alive` for every token.
+
+    `config` makes the session's configuration: a tool's gives up where no router is, a client's waits. Raises NoRouterError.
+    """
 
     def callback_for(name: str) -> Callable[[Any], None]:
         schema = BY_NAME[name].message
@@ -31,7 +45,16 @@ def listening(endpoints: list[str], streams: Sequence[str], train: str, receive:
 
         return callback
 
-    with open_session(zenoh_config.tool(endpoints)) as session:
+    with open_session(config(endpoints)) as session:
         kept = [session.declare_subscriber(BY_NAME[name].key_for(train), callback_for(name)) for name in streams]
+        if alive is not None:
+            kept.append(_tokens(session, train, alive))
         yield session
         del kept
+
+
+def _tokens(session: Any, train: str, alive: Alive) -> Any:
+    def changed(sample: Any) -> None:
+        alive(token_of(sample.key_expr), sample.kind == zenoh.SampleKind.PUT)
+
+    return session.liveliness().declare_subscriber(alive_key(train), changed, history=True)

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 from milepost_schemas import Message, Spread
 
 
 class Meter:
-    """Rates, gaps, step times and latencies since the last report."""
+    """Rates, gaps, step times and latencies since the last report. `expected_hz`: what the rates should be, by stream."""
 
-    def __init__(self, now_ns: int) -> None:
+    def __init__(self, now_ns: int, expected_hz: Mapping[str, float] | None = None) -> None:
+        self._expected_hz = dict(expected_hz or {})
         self._begun_ns = now_ns
         self._since_ns = now_ns
         self._received: dict[str, int] = {}
@@ -45,6 +47,7 @@ class Meter:
             "uptime_s": (now_ns - self._begun_ns) * 1e-9,
             "received_hz": {name: count / span for name, count in self._received.items()},
             "sent_hz": {name: count / span for name, count in self._sent.items()},
+            "expected_hz": self._expected_hz,
             "refused": refused,
             "rewinds": rewinds,
             "gaps": self._gaps,

@@ -9,24 +9,29 @@ import queue
 import signal
 import sys
 import uuid
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from milepost.config.rates import expected_hz
 from milepost.config.roles import ROLES, Setting, process_name, processes
 from milepost.config.train import Train
 from milepost.config.yaml_files import ConfigError
 from milepost.estimation.time_units import NS_PER_S
-from milepost.nodes.base import Node
+from milepost.nodes.base import Node, Output, Severity
 from milepost.nodes.fuser import FuserNode
+from milepost.nodes.world import WorldNode
 from milepost.offline.collector import rare_collection
+from milepost.sensors.base import World
 from milepost_schemas import Feedback, SimulationStart
 
 from . import scenario_time, zenoh_config
 from .bus import Inbox, Stop, ZenohBus, open_session
 from .calibration_store import calibration_store_for
 from .clock import Clock
-from .runner import Runner
+from .instances import Change, lasting_others
+from .runner import Runner, second_instance
 
 log = logging.getLogger("milepost")
 # a process that comes later than this into a running simulation was started again
@@ -61,52 +66,98 @@ def stop_on_signals(inbox: Inbox) -> None:
         signal.signal(number, lambda *_: inbox.put(Stop()))
 
 
-def run_process(train: Train, role_name: str, unit: str, options: ProcessOptions) -> None:
-    """Run one process of a train until it is stopped or its simulation ends. Raises ConfigError."""
+def run_process(train: Train, role_name: str, unit: str, options: ProcessOptions, world: World | None = None) -> None:
+    """Run one process of a train until it is stopped or its simulation ends. Raises ConfigError.
+
+    `world`: the train's, where the caller has built it already.
+    """
     role = ROLES[role_name]
     name, instance = process_name(role_name, unit), uuid.uuid4().hex[:8]
     set_up_log(name)
-    world = train.world(options.duration_s) if role.uses_world and train.file.world else None
+    if world is None and role.uses_world and train.file.world is not None:
+        world = train.world(options.duration_s)
     # built once before anything is declared, so that a mistake in the configuration shows before anything starts
-    # without a world scenario time is UTC, and begins now
-    from_s = 0.0 if train.file.world else Clock().now_ns() / NS_PER_S
-    node = role.build(train, unit, Setting(instance, world, from_s=from_s))
+    # where nobody owns scenario time it is UTC, and begins now
+    from_s = 0.0 if train.has_scenario_time else Clock().now_ns() / NS_PER_S
+    node = role.build(train, unit, Setting(instance, world, from_s=from_s, until_s=options.duration_s))
     # opening waits for a router inside Zenoh, where Python cannot see a signal
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     with open_session(zenoh_config.client(options.endpoints)) as session:
         bus = ZenohBus(session, train.name)
         stop_on_signals(bus.inbox)
         _listen(bus, node, name)
-        bus.declare_alive(name, instance)
-        kept: Any = None
-        start: SimulationStart | None = None
-        if role_name == "world" and world is not None:
-            others = {p.name for p in processes(train)} - {name}
-            if not scenario_time.wait_for_processes(bus, others):
-                return
-            start = scenario_time.choose_start(world.motion.end_s, options.speed)
-            kept = scenario_time.announce(bus, start)
-        elif train.file.world is not None:
-            start = scenario_time.wait_for_start(bus)
-            if start is None:
-                return
-        clock = Clock(start)
-        if role.uses_world and start is not None:
-            late_s = (clock.now_ns() - start.start_ns) / NS_PER_S
-            # a process that is a little late still begins at the beginning: the prior belongs to the first reading
-            from_s = late_s if late_s > LATE_S else 0.0
-            node = role.build(train, unit, Setting(instance, world, start.start_ns, from_s))
-        # without feedback nobody could tell a restarted filter that the fused state holds already what it kept
-        store = calibration_store_for(node, train.name, options.state_dir if train.file.fusion.feedback else None)
-        if not (node.remembers and _catch_up(bus, node, clock)) and store is not None:
-            for output in store.restore(clock.now_ns()):
-                bus.publish(*output)
-        end_ns = start.end_ns + GRACE_NS if start is not None else None
-        with rare_collection():
-            Runner(name, node, bus, clock, end_ns, options.parent, store.once_a_second if store else None).run()
-        if store is not None:
-            store.write()
-        del kept
+        _declare_alive(bus, node, name)
+        with ExitStack() as announced:
+            start: SimulationStart | None = None
+            if train.has_scenario_time:
+                start = _scenario_start(bus, train, node, options.speed, announced)
+                if start is None:
+                    return
+            clock = Clock(start)
+            if role.uses_world and start is not None:
+                late_s = (clock.now_ns() - start.start_ns) / NS_PER_S
+                # a process that is a little late still begins at the beginning: the prior belongs to the first reading
+                from_s = late_s if late_s > LATE_S else 0.0
+                first, node = (
+                    node,
+                    role.build(train, unit, Setting(instance, world, start.start_ns, from_s, options.duration_s)),
+                )
+                node.continue_numbering(first)
+            end_ns = start.end_ns + GRACE_NS if start is not None else None
+            rates = expected_hz(train, role, unit, node)
+            _run(Runner(name, node, bus, clock, end_ns, options.parent, rates), bus, node, clock, train, options.state_dir)
+
+
+def _run(runner: Runner, bus: ZenohBus, node: Node, clock: Clock, train: Train, state_dir: Path | None) -> None:
+    """Begin with what is known, run to the end, keep what was learned."""
+    # without feedback nobody could tell a restarted filter that the fused state holds already what it kept
+    store = calibration_store_for(node, train.name, state_dir if train.file.fusion.feedback else None)
+    if not (node.remembers and _catch_up(bus, node, clock)) and store is not None:
+        for output in store.restore(clock.now_ns()):
+            bus.publish(*output)
+    with rare_collection():
+        runner.run(store.once_a_second if store else None)
+    if store is not None:
+        store.write()
+
+
+def _scenario_start(bus: ZenohBus, train: Train, node: Node, speed: float, announced: ExitStack) -> SimulationStart | None:
+    """When scenario time begins: `world` says it once all others are there, and answers until `announced` is closed.
+
+    None if stopped meanwhile.
+    """
+    if not isinstance(node, WorldNode):
+        return scenario_time.wait_for_start(bus)
+
+    def tell(severity: Severity, code: str, text: str) -> None:
+        _publish_event(bus, node.event(severity, code, text, Clock().now_ns()))
+
+    others = {process.name for process in processes(train) if process.role != "world"}
+    if not scenario_time.wait_for_processes(bus, others, tell):
+        return None
+    start = scenario_time.choose_start(node.end_s, speed)
+    announced.callback(scenario_time.announce(bus, start).undeclare)
+    return start
+
+
+def _declare_alive(bus: ZenohBus, node: Node, name: str) -> None:
+    """Show this instance's token, and say if there is another one of this process: an error, but no reason to end.
+
+    Whoever starts it may be replacing a process that hangs, and what both measure counts once. The fuser sees all tokens and
+    says the same of every process, itself included.
+    """
+    others = lasting_others(bus.session, bus.train, name)
+    bus.declare_alive(name, node.instance)
+    if others and not isinstance(node, FuserNode):
+        instances = sorted({node.instance, *(token.instance for token in others)})
+        change = Change(bus.train, name, tuple(instances))
+        _publish_event(bus, second_instance(node, change, Clock().now_ns()))
+
+
+def _publish_event(bus: ZenohBus, output: Output) -> None:
+    """Send an event before there is a runner to do it, and log it."""
+    bus.publish(*output)
+    log.warning("%s", getattr(output.message, "text", ""))
 
 
 def _listen(bus: ZenohBus, node: Node, name: str) -> None:

@@ -6,7 +6,7 @@ import logging
 import os
 import queue
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 from milepost.nodes.base import Node, Output
@@ -14,16 +14,24 @@ from milepost_schemas import Health, Refused, encode, rpc_key
 
 from .bus import AliveChange, Question, Received, Stop, ZenohBus, open_message
 from .clock import Clock
+from .instances import Change, Instances
 from .meter import Meter
 
 HEALTH_NS = 1_000_000_000
 log = logging.getLogger("milepost")
 
 
+def second_instance(node: Node, change: Change, now_ns: int) -> Output:
+    """The event of a node that a process has more than one instance, or no longer has."""
+    if change.instances:
+        return node.event("error", "second_instance", change.text, now_ns)
+    return node.event("info", "one_instance", change.text, now_ns)
+
+
 class Runner:
     """The loop of a process. `name` is the process's; `parent` ends it when that process is no longer its parent.
 
-    `every_second` is done once a second, after health.
+    `expected_hz` are the rates of its streams as the train file sets them.
     """
 
     def __init__(
@@ -34,7 +42,7 @@ class Runner:
         clock: Clock,
         end_ns: int | None = None,
         parent: int | None = None,
-        every_second: Callable[[int], None] | None = None,
+        expected_hz: Mapping[str, float] | None = None,
     ) -> None:
         self._name = name
         self._node = node
@@ -42,14 +50,13 @@ class Runner:
         self._clock = clock
         self._end_ns = end_ns
         self._parent = parent
-        self._every_second = every_second
-        self._meter = Meter(clock.now_ns())
+        self._meter = Meter(clock.now_ns(), expected_hz or {})
         self._health_ns = clock.now_ns() + HEALTH_NS
         self._health_sequence = 0
-        self._instances: dict[str, set[str]] = {}
+        self._instances = Instances()
 
-    def run(self) -> None:
-        """Until stopped, finished, or the simulation's end."""
+    def run(self, every_second: Callable[[int], None] | None = None) -> None:
+        """Until stopped, finished, or the simulation's end. `every_second` is done once a second, after health."""
         node, inbox, clock = self._node, self._bus.inbox, self._clock
         while not node.finished:
             tick_ns = node.next_tick_ns()
@@ -69,8 +76,12 @@ class Runner:
             if tick_ns is not None and now_ns >= tick_ns:
                 self._send(node.tick(now_ns))
             self._meter.stepped(time.perf_counter() - begun)
-            if now_ns >= self._health_ns and not self._once_a_second(now_ns):
-                return
+            if now_ns >= self._health_ns:
+                self._once_a_second(now_ns)
+                if every_second is not None:
+                    every_second(now_ns)
+                if self._parent_is_gone():
+                    return
             if self._end_ns is not None and now_ns >= self._end_ns:
                 return
 
@@ -79,9 +90,9 @@ class Runner:
             self._read_newest(now_ns)
             self._step(item, now_ns)
         elif isinstance(item, AliveChange):
-            instances = self._instances.setdefault(item.unit, set())
-            (instances.add if item.alive else instances.discard)(item.instance)
-            self._node.unit_alive(item.unit, bool(instances))
+            train, unit, _ = item.token
+            self._instances.changed(item.token, item.alive, time.monotonic())
+            self._node.unit_alive(unit, self._instances.live(train, unit))
         else:
             self._answer(item, now_ns)
 
@@ -116,8 +127,8 @@ class Runner:
             if stream == "event":
                 log.warning("%s", getattr(message, "text", ""))
 
-    def _once_a_second(self, now_ns: int) -> bool:
-        """Health; returns whether to go on."""
+    def _once_a_second(self, now_ns: int) -> None:
+        """Health, and processes that have a second instance."""
         self._health_ns = now_ns + HEALTH_NS
         body = self._meter.report(now_ns, dict(self._node.refusals.counts), self._node.rewinds)
         health = Health(
@@ -131,9 +142,10 @@ class Runner:
         )
         self._health_sequence += 1
         self._bus.publish("health", self._name, health)
-        if self._every_second is not None:
-            self._every_second(now_ns)
-        if self._parent is not None and os.getppid() != self._parent:
-            log.warning("the process that started this one is gone: ending")
+        self._send(second_instance(self._node, change, now_ns) for change in self._instances.changes(time.monotonic()))
+
+    def _parent_is_gone(self) -> bool:
+        if self._parent is None or os.getppid() == self._parent:
             return False
+        log.warning("the process that started this one is gone: ending")
         return True

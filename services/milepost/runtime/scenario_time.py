@@ -5,15 +5,19 @@ from __future__ import annotations
 import logging
 import queue
 import time
+from collections.abc import Callable
 from typing import Any
 
 import msgpack
 
+from milepost.nodes.base import Severity
 from milepost_schemas import SimulationStart, simulation_start_key
 
 from .bus import AliveChange, Stop, ZenohBus
+from .instances import Instances
 
 log = logging.getLogger("milepost")
+Tell = Callable[[Severity, str, str], None]
 LEAD_NS = 1_000_000_000
 GRID_NS = 100_000_000
 ASK_EVERY_S = 0.1
@@ -21,24 +25,43 @@ SAY_WAITING_EVERY_S = 5.0
 WAIT_FOR_OTHERS_S = 30.0
 
 
-def wait_for_processes(bus: ZenohBus, names: set[str]) -> bool:
-    """Wait until every named process shows its token, so that nobody misses the beginning. Returns False when stopped."""
-    bus.watch_tokens()
-    missing = set(names)
-    deadline = time.monotonic() + WAIT_FOR_OTHERS_S
-    while missing:
-        left = deadline - time.monotonic()
-        if left <= 0.0:
-            log.warning("beginning without %s", ", ".join(sorted(missing)))
+def wait_for_processes(
+    bus: ZenohBus,
+    names: set[str],
+    tell: Tell,
+    say_every_s: float = SAY_WAITING_EVERY_S,
+    give_up_after_s: float = WAIT_FOR_OTHERS_S,
+) -> bool:
+    """Wait until every named process shows its token, so that nobody misses the beginning. Returns False when stopped.
+
+    `tell(severity, code, text)` is called with the names of those that are missing, and of those that it begins without.
+    """
+    tokens = bus.watch_tokens()
+    try:
+        return _wait(bus, names, tell, say_every_s, give_up_after_s)
+    finally:
+        tokens.undeclare()
+
+
+def _wait(bus: ZenohBus, names: set[str], tell: Tell, say_every_s: float, give_up_after_s: float) -> bool:
+    there = Instances()
+    begun = said = time.monotonic()
+    while missing := sorted(name for name in names if not there.live(bus.train, name)):
+        now = time.monotonic()
+        if now - begun >= give_up_after_s:
+            tell("warning", "began_without", f"beginning without {', '.join(missing)}")
             return True
+        if now - said >= say_every_s:
+            said = now
+            tell("info", "waiting_for", f"waiting for {', '.join(missing)} ({now - begun:.0f} s)")
         try:
-            item = bus.inbox.get(timeout=left)
+            item = bus.inbox.get(timeout=max(0.0, min(said + say_every_s, begun + give_up_after_s) - now))
         except queue.Empty:
             continue
         if isinstance(item, Stop):
             return False
-        if isinstance(item, AliveChange) and item.alive:
-            missing.discard(item.unit)
+        if isinstance(item, AliveChange):
+            there.changed(item.token, item.alive, now)
     return True
 
 

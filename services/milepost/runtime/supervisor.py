@@ -1,142 +1,165 @@
-"""Starts a train's processes on this machine, starts again what dies, ends them all together."""
+"""Starts a train's processes on this machine, restarts those that fail, ends them all together."""
 
 from __future__ import annotations
 
-import logging
 import os
 import signal
-import socket
-import subprocess
-import sys
+import tempfile
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from pathlib import Path
+from typing import IO
 
-from milepost.config.roles import ROLES, processes
-from milepost.config.train import Train
+from .launch import CONFIGURATION_ERROR, Job, Launch, launch
 
-log = logging.getLogger("milepost")
 RESTART_AFTER_S = 0.5
 LONGEST_WAIT_S = 8.0
-CONFIGURATION_ERROR = 2
+# a process that ran this long before it failed is restarted as if it had never failed before
+HEALTHY_S = 120.0
 KILL_AFTER_S = 3.0
+TAIL_BYTES = 4096
+TAIL_LINES = 20
 
 
 @dataclass
 class Child:
-    """A process and how it came about."""
+    """A job and the process that does it. `code` is None while it runs; `output` is what it wrote, where that is kept."""
 
-    name: str
-    command: list[str]
-    process: subprocess.Popen[bytes]
+    job: Job
+    pid: int
+    started_s: float
+    output: IO[bytes] | None
+    code: int | None = None
     restart: bool = True
     restarts: int = 0
     again_at: float | None = None
+    failed: bool = False
+
+    @property
+    def name(self) -> str:
+        """The job's name."""
+        return self.job.name
 
     @property
     def running(self) -> bool:
-        """Whether it has not ended."""
-        return self.process.poll() is None
+        """Whether it has not ended; where it has, its exit code (or minus its signal) is noted."""
+        if self.code is None:
+            try:
+                pid, status = os.waitpid(self.pid, os.WNOHANG)
+            except ChildProcessError:  # somebody else has asked for its code
+                pid, status = self.pid, 0
+            if pid:
+                self.code = os.waitstatus_to_exitcode(status)
+        return self.code is None
+
+    def tail(self) -> list[str]:
+        """The last lines that it wrote."""
+        if self.output is None:
+            return []
+        size = os.fstat(self.output.fileno()).st_size
+        text = os.pread(self.output.fileno(), TAIL_BYTES, max(0, size - TAIL_BYTES)).decode(errors="replace")
+        return text.splitlines()[-TAIL_LINES:]
+
+
+def wait_before_restart_s(restarts: int) -> float:
+    """0.5 s · 2ⁿ after n restarts, at most 8 s."""
+    # the exponent is limited first: 2.0**1024 is an overflow
+    return min(RESTART_AFTER_S * 2.0 ** min(restarts, 16), LONGEST_WAIT_S)
 
 
 class Supervisor:
-    """The processes of `milepost up`. Children get a session of their own, so that Ctrl-C reaches them through us, in order."""
+    """The processes of `milepost up`, each in a session of its own, so that Ctrl-C reaches them through this one, in order.
 
-    def __init__(self, log_file: Path | None = None) -> None:
+    `keep_output`: what they write goes to unnamed files, which vanish with this process, for `Child.tail`.
+    """
+
+    def __init__(self, keep_output: bool = False, launch: Launch = launch, clock: Callable[[], float] = time.monotonic) -> None:
         self.children: list[Child] = []
-        self._log_file = log_file
+        self._keep_output = keep_output
+        self._launch = launch
+        self._clock = clock
 
-    def start(self, name: str, arguments: Sequence[str], restart: bool = True) -> Child:
-        """Start `milepost ARGUMENTS`."""
-        command = [sys.executable, "-m", "milepost", *arguments]
-        child = Child(name, command, self._spawn(command), restart)
+    def start(self, job: Job, shown: bool = False) -> Child:
+        """Start a job. `shown`: it writes to the terminal even where output is kept. Raises OSError."""
+        output = tempfile.TemporaryFile() if self._keep_output and not shown else None  # noqa: SIM115
+        child = Child(job, self._launched(job, output), self._clock(), output, restart=job.restart)
         self.children.append(child)
         return child
 
-    def _spawn(self, command: list[str]) -> subprocess.Popen[bytes]:
-        environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
-        if self._log_file is None:
-            return subprocess.Popen(command, start_new_session=True, stdin=subprocess.DEVNULL, env=environment)
-        with self._log_file.open("ab") as file:
-            return subprocess.Popen(
-                command, start_new_session=True, stdin=subprocess.DEVNULL, stdout=file, stderr=file, env=environment
-            )
+    def _launched(self, job: Job, output: IO[bytes] | None) -> int:
+        return self._launch(job, None if output is None else output.fileno())
 
     def watch(self) -> list[str]:
-        """Start again what has died, a moment after. Returns sentences about what happened."""
+        """Restart what has failed, a moment after. Returns sentences about what happened."""
+        # after the scenario's end a restarted process would wait for ever
+        if any(child.name == "world" and not child.running and child.code == 0 for child in self.children):
+            return []
+        return [sentence for child in self.children if not child.running and child.restart for sentence in self._after(child)]
+
+    def _after(self, child: Child) -> Sequence[str]:
+        """What to do about a process that has ended."""
+        now = self._clock()
+        if child.code == 0:
+            return ()
+        child.failed = True
+        if child.code == CONFIGURATION_ERROR:  # it would end the same way again
+            child.restart = False
+            return (f"{child.name} cannot run{_last_words(child)}",)
+        if child.again_at is None:
+            if now - child.started_s >= HEALTHY_S:
+                child.restarts = 0
+            child.again_at = now + wait_before_restart_s(child.restarts)
+            return (f"{child.name} ended with {_why(child.code or 0)}{_last_words(child)}",)
+        if now < child.again_at:
+            return ()
+        child.restarts += 1
+        try:
+            child.pid = self._launched(child.job, child.output)
+        except OSError as error:  # no memory, too many processes: try again
+            child.again_at = now + wait_before_restart_s(child.restarts)
+            return (f"{child.name} cannot be restarted: {error.strerror}",)
+        child.code, child.again_at, child.started_s = None, None, now
+        return (f"{child.name} restarted",)
+
+    def stop(self) -> list[str]:
+        """SIGTERM to all but the router, which goes last; SIGKILL to what is still there after three seconds.
+
+        Returns sentences about those that had to be killed.
+        """
         said = []
-        for child in self.children:
-            code = child.process.poll()
-            # with exit code 2 it would end the same way again; after the scenario's end it would wait for ever
-            if code is None or code == 0 or not child.restart or self._scenario_over():
-                continue
-            if code == CONFIGURATION_ERROR:
-                child.restart = False
-                said.append(f"{child.name} cannot run: see its line above")
-            elif child.again_at is None:
-                wait_s = min(RESTART_AFTER_S * 2**child.restarts, LONGEST_WAIT_S)
-                child.again_at = time.monotonic() + wait_s
-                said.append(f"{child.name} ended with {_why(code)}")
-            elif time.monotonic() >= child.again_at:
-                child.again_at = None
-                child.restarts += 1
-                child.process = self._spawn(child.command)
-                said.append(f"{child.name} started again")
-        return said
-
-    def _scenario_over(self) -> bool:
-        return any(child.name == "world" and child.process.poll() == 0 for child in self.children)
-
-    def stop(self) -> None:
-        """SIGTERM to all but the router, which goes last; SIGKILL to what is still there after three seconds."""
         routers = [child for child in self.children if child.name == "router"]
         for group in ([child for child in self.children if child not in routers], routers):
             for child in group:
-                if child.running:
-                    child.process.send_signal(signal.SIGTERM)
+                _send(child, signal.SIGTERM)
             deadline = time.monotonic() + KILL_AFTER_S
             for child in group:
-                try:
-                    child.process.wait(max(0.0, deadline - time.monotonic()))
-                except subprocess.TimeoutExpired:
-                    log.warning("%s did not end; killed", child.name)
-                    child.process.kill()
-                    child.process.wait()
+                while child.running and time.monotonic() < deadline:
+                    time.sleep(0.005)
+                if child.running:
+                    said.append(f"{child.name} did not end within {KILL_AFTER_S:g} s and was killed")
+                    _send(child, signal.SIGKILL)
+                    while child.running:
+                        time.sleep(0.005)
+        return said
+
+    def failures(self) -> dict[str, list[str]]:
+        """The last lines of every process that has failed and whose output was kept."""
+        return {child.name: child.tail() for child in self.children if child.failed and child.output is not None}
+
+
+def _send(child: Child, number: signal.Signals) -> None:
+    # a process that has not been waited for keeps its number: this cannot reach another
+    if child.running:
+        os.kill(child.pid, number)
+
+
+def _last_words(child: Child) -> str:
+    """What a process that ended by itself wrote last; a killed one has said nothing about it."""
+    tail = child.tail() if (child.code or 0) > 0 else []
+    return f": {tail[-1].strip()}" if tail else ""
 
 
 def _why(code: int) -> str:
     if code < 0:
         return f"signal {signal.Signals(-code).name}"
     return f"exit code {code}"
-
-
-def port_is_free(endpoint: str) -> bool:
-    """Whether a tcp/HOST:PORT endpoint can be listened on. Raises ValueError for what is not one."""
-    host, _, port = endpoint.removeprefix("tcp/").rpartition(":")
-    if not (endpoint.startswith("tcp/") and host and port.isdecimal() and int(port) < 2**16):
-        raise ValueError(f"{endpoint!r} is not tcp/HOST:PORT")
-    with socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET, socket.SOCK_STREAM) as probe:
-        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        try:
-            probe.bind((host.strip("[]"), int(port)))
-        except OSError:
-            return False
-    return True
-
-
-def start_train(
-    supervisor: Supervisor, train: Train, endpoint: str, speed: float, duration_s: float | None, state_dir: Path | None
-) -> None:
-    """Start the router and all processes of a train."""
-    parent = ["--parent", str(os.getpid())]
-    supervisor.start("router", ["run", "router", "--listen", endpoint, *parent])
-    common = ["--train", str(train.path), "--connect", endpoint, *parent]
-    for process in processes(train):
-        unit = [process.unit] if ROLES[process.role].per_unit else []
-        world = ["--speed", str(speed)] if process.role == "world" else []
-        length = ["--duration", str(duration_s)] if ROLES[process.role].uses_world and duration_s else []
-        state = ["--state-dir", str(state_dir)] if state_dir and process.role == "filter" else []
-        command = ["run", process.role, *unit, *common, *world, *length, *state]
-        # a world that begins again would put truth and sensors on different times
-        supervisor.start(process.name, command, restart=process.role != "world")

@@ -1,4 +1,4 @@
-"""THE SENSOR TABLE: one file for each kind of sensor, one row here."""
+"""THE SENSOR TABLE: one file, or one package, for each kind of sensor; one row here."""
 
 from __future__ import annotations
 
@@ -14,5 +14,14 @@ from .radar.doppler_radar import DopplerRadar
 from .radar.janus_radar import JanusRadar
 
 SENSORS: dict[str, type[Sensor[Any]]] = {
-    kind.kind: kind for kind in (DopplerRadar, JanusRadar, InductionLoop, Odometer, Imu, Gnss, BaliseReader)
+    kind.kind: kind
+    for kind in (
+        DopplerRadar,
+        JanusRadar,
+        InductionLoop,
+        Odometer,
+        Imu,
+        Gnss,
+        BaliseReader,
+    )
 }

@@ -71,7 +71,12 @@ class World:
 
 
 class Observer(Protocol):
-    """Turns one unit's readings into observations, and may remember what it saw; it knows no clock but the readings'."""
+    """Turns one unit's readings into observations, and may remember what it saw; it knows no clock but the readings'.
+
+    `memory` is all that it remembers, as an immutable value: whoever sets it to an earlier one continues from there.
+    """
+
+    memory: Any
 
     def observe(self, reading: Any, belief: Belief | None) -> Sequence[Observed]:
         """A reading as observations, linearised, where need be, at `belief`."""
@@ -83,8 +88,12 @@ class Observer(Protocol):
         """The filter begins again on a train that runs: what was remembered of the readings is lost."""
 
     @property
-    def is_gating(self) -> bool:
-        """Whether it lets no reading count for the time being, against the fused state that it must go on hearing."""
+    def gating(self) -> str | None:
+        """Why it lets no reading count for the time being, against the fused state that it must go on hearing."""
+
+    @property
+    def refused(self) -> str | None:
+        """Why the last reading did not count; None where it did."""
 
 
 O = TypeVar("O", bound=SensorOptions)  # noqa: E741
@@ -96,6 +105,9 @@ class Sensor(ABC, Generic[O]):
     kind: ClassVar[str]
     stream: ClassVar[str]
     options_model: ClassVar[type[SensorOptions]]
+
+    # a sensor by itself remembers nothing of its readings
+    memory: Any = None
 
     def __init__(self, unit: str, options: O, line: Line) -> None:
         self.unit = unit
@@ -111,6 +123,11 @@ class Sensor(ABC, Generic[O]):
     def period_s(self) -> float | None:
         """The time between readings; None where they come when they come (they are then never due)."""
         return None
+
+    @property
+    def latency_s(self) -> float:
+        """From the time at which a reading is true to the time at which it is ready."""
+        return 0.0
 
     @property
     def needs_belief(self) -> bool:
@@ -141,9 +158,14 @@ class Sensor(ABC, Generic[O]):
         """Nothing is lost, for the same reason."""
 
     @property
-    def is_gating(self) -> bool:
-        """Never, for the same reason."""
-        return False
+    def gating(self) -> str | None:
+        """Nothing, for the same reason."""
+        return None
+
+    @property
+    def refused(self) -> str | None:
+        """Nothing, for the same reason."""
+        return None
 
     def source(self, world: World | None, from_s: float) -> Source:
         """Where the train file takes the readings from: a recording, for any kind of sensor, or what the kind itself opens."""

@@ -7,10 +7,11 @@ from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from .polyline import Polyline
 
 STEP_M = 100.0
 # headings are means over ± this: longer than the points of a line lie apart, shorter than the transition to a curve
@@ -20,7 +21,11 @@ HEADING_STEP_M = 5
 
 @dataclass(frozen=True, slots=True)
 class Projection:
-    """A point on the earth as seen from the line: chainage and distance from the track."""
+    """A point on the earth as seen from the line: the nearest point's chainage and the distance from it.
+
+    `position_m` is below 0 or above the line's length where the point lies beyond an end: the track is taken to go on
+    straight. `cross_track_m` is positive to the right, seen in the direction of increasing chainage.
+    """
 
     position_m: float
     cross_track_m: float
@@ -36,9 +41,8 @@ class Track:
     """
 
     def __init__(self, points: Sequence[tuple[float, float]]) -> None:
-        # geometry libraries are slow to import and only lines with geometry need them
+        # slow to import, and only lines with geometry need it
         import pyproj
-        import shapely
 
         lon = np.array([p[0] for p in points], dtype=float)
         lat = np.array([p[1] for p in points], dtype=float)
@@ -50,21 +54,18 @@ class Track:
         plane = f"+proj=tmerc +ellps=WGS84 +lat_0={lat.mean()} +lon_0={lon.mean()}"
         self._to_plane = pyproj.Transformer.from_crs("EPSG:4326", plane, always_xy=True)
         x, y = self._to_plane.transform(lon, lat)
-        self._shape: Any = shapely.LineString(np.column_stack([x, y]))
-        self._point = shapely.Point
-        self._chainage = np.concatenate([[0.0], np.cumsum(lengths)])
-        self._on_plane = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(x), np.diff(y)))])
-        self.length_m = float(self._chainage[-1])
+        chainage = np.concatenate([[0.0], np.cumsum(lengths)])
+        on_plane = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(x), np.diff(y)))])
+        self._polyline = Polyline(np.asarray(x), np.asarray(y), chainage)
+        self.length_m = float(chainage[-1])
         # a geodesic's azimuth changes along it: at its middle it is half-way between those at its ends
         at_middle = np.radians(forth) + 0.5 * np.angle(np.exp(1j * (np.radians(back) + np.pi - np.radians(forth))))
-        self._headings = _smooth_headings(self._chainage, np.unwrap(at_middle))
+        self._headings = _smooth_headings(chainage, np.unwrap(at_middle))
         # degrees between two points are not on the straight line between them: short steps keep that below 0.1 mm
-        steps = [np.linspace(a, b, max(2, int((b - a) / STEP_M) + 2))[:-1] for a, b in pairwise(self._on_plane)]
-        along = np.concatenate([*steps, self._on_plane[-1:]])
-        lon, lat = self._to_plane.transform(
-            np.interp(along, self._on_plane, x), np.interp(along, self._on_plane, y), direction="INVERSE"
-        )
-        self._at: list[float] = np.interp(along, self._on_plane, self._chainage).tolist()
+        steps = [np.linspace(a, b, max(2, int((b - a) / STEP_M) + 2))[:-1] for a, b in pairwise(on_plane)]
+        along = np.concatenate([*steps, on_plane[-1:]])
+        lon, lat = self._to_plane.transform(np.interp(along, on_plane, x), np.interp(along, on_plane, y), direction="INVERSE")
+        self._at: list[float] = np.interp(along, on_plane, chainage).tolist()
         self._lon: list[float] = np.asarray(lon).tolist()
         self._lat: list[float] = np.asarray(lat).tolist()
 
@@ -73,9 +74,29 @@ class Track:
         x, y = self._to_plane.transform(longitude_deg, latitude_deg)
         if not (math.isfinite(x) and math.isfinite(y)):
             return Projection(0.0, math.inf)  # a quarter of the earth away, where the plane ends
-        point = self._point(x, y)
-        position = float(np.interp(self._shape.project(point), self._on_plane, self._chainage))
-        return Projection(position, float(self._shape.distance(point)))
+        return Projection(*self._polyline.nearest(x, y))
+
+    def legs(self, latitude_deg: float, longitude_deg: float, within_m: float, apart_m: float) -> list[Projection]:
+        """The nearest points of all parts of the track that pass within a distance, nearest first.
+
+        Parts are distinct where their nearest points are farther than `apart_m` from each other along the track.
+        """
+        x, y = self._to_plane.transform(longitude_deg, latitude_deg)
+        if not (math.isfinite(x) and math.isfinite(y)):
+            return []
+        return [Projection(*foot) for foot in self._polyline.passing(x, y, within_m, apart_m)]
+
+    def comes_near_itself(self, within_m: float, apart_m: float) -> bool:
+        """Whether points farther than `apart_m` from each other along the track are closer than `within_m`."""
+        return self._polyline.comes_near_itself(within_m, apart_m)
+
+    def turning(self, from_m: float, to_m: float) -> float:
+        """By how much the polyline turns between two chainages, left and right added up, in radians.
+
+        Σ 2 tan(θ/2) over its kinks θ: for a point that moves at a distance c beside it, the nearest point advances by at
+        most c times this more or less.
+        """
+        return self._polyline.turning(from_m, to_m)
 
     def locate(self, position_m: float) -> tuple[float, float]:
         """Latitude and longitude, in degrees, of a chainage; the ends of the track for what lies beyond them."""

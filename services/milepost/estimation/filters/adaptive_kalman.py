@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ..adaptive import InnovationVariance
-from ..timeline import Observation
+from ..noise.adaptive import InnovationVariance
+from ..observation import Observation
 from .learning import LearningFilter
 from .options import positive
 

@@ -13,7 +13,7 @@ from typing import Any, ClassVar, Generic, TypeVar
 from ..estimator import Estimator, Prior, kernel_for
 from ..layout import Layout
 from ..notice import Notice
-from ..timeline import Observation
+from ..observation import Observation
 
 
 @dataclass(frozen=True)
@@ -36,6 +36,8 @@ class LocalFilter(Generic[O]):
     `options_model` is a frozen dataclass of plain values whose `__post_init__` raises ValueError("field: what is wrong").
     """
 
+    # whether its observations are the readings' own, so that the fuser may linearise and judge these by itself
+    passes_readings: ClassVar[bool] = True
     kind: ClassVar[str]
     options_model: ClassVar[type[Any]]
 

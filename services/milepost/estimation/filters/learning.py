@@ -12,7 +12,7 @@ from milepost.estimation.time_units import S_PER_NS
 
 from ..gaussian import replace_common
 from ..layout import N_COMMON
-from ..timeline import Observation
+from ..observation import Observation
 from .base import FilterSetup, LocalFilter, O
 
 S = TypeVar("S")
@@ -31,6 +31,8 @@ class LearningFilter(LocalFilter[O], Generic[O, S]):
     A reading learns only if it is later than every one before it and would not be refused: what comes late or twice, or
     is stamped wildly, is judged by what is known and teaches nothing. Memory: one learner for each component.
     """
+
+    passes_readings = False
 
     def __init__(self, setup: FilterSetup, options: O) -> None:
         super().__init__(setup, options)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Protocol
 
-from ..timeline import Observation
+from ..observation import Observation
 from .base import O
 from .learning import LearningFilter
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ..pu_rls import ForgettingModel, SwarmTunedSmoother, Tuning
-from ..timeline import Observation
+from ..noise.pu_rls import ForgettingModel, SwarmTunedSmoother, Tuning
+from ..observation import Observation
 from .options import at_most, fraction, positive
 from .prefilter import PreFilter, Smoother
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ..rls import ForgettingSmoother
-from ..timeline import Observation
+from ..noise.rls import ForgettingSmoother
+from ..observation import Observation
 from .options import fraction, positive
 from .prefilter import PreFilter, Smoother
 

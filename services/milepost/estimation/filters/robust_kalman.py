@@ -6,8 +6,8 @@ import math
 from dataclasses import dataclass
 
 from ..layout import Array
-from ..noise_scale import NoiseModel, NoiseScale
-from ..timeline import Observation
+from ..noise.noise_scale import NoiseModel, NoiseScale
+from ..observation import Observation
 from .learning import LearningFilter
 from .options import fraction, positive
 

@@ -1,4 +1,4 @@
-"""Receivers that speak NMEA 0183 or UBX: live over TCP or a serial device, or from a file of what one said."""
+"""Receivers that speak NMEA 0183 or UBX: live over TCP or a serial device, or from a recorded file."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from milepost.recordings.ubx import UbxDecoder
 
 POLL_S = 0.01
 CHUNK = 4096
-# more than any receiver says in 10 ms; what is left waits for the next look
+# more than any receiver sends in 10 ms; the rest waits for the next poll
 CHUNKS_A_POLL = 4
 # polls from a lost connection to the next attempt
 RETRY_POLLS = 100
@@ -64,7 +64,7 @@ class ByteStream(Protocol):
         """What has come since; nothing where nothing has. Raises OSError where the connection is lost or cannot be made."""
 
     def close(self) -> None:
-        """Give the connection up; the next `read` makes a new one."""
+        """Close the connection; the next `read` opens a new one."""
 
 
 class TcpStream:
@@ -128,7 +128,7 @@ class SerialStream:
 
 
 class LiveReceiver:
-    """Looks for bytes every 10 ms from `from_s` on; scenario time is UTC. A lost connection is counted and made again."""
+    """Polls for bytes every 10 ms from `from_s` on; scenario time is UTC. A lost connection is counted and reopened."""
 
     def __init__(self, stream: ByteStream, decoder: Decoder, from_s: float) -> None:
         self._stream, self._decoder = stream, decoder
@@ -138,7 +138,7 @@ class LiveReceiver:
         self._fixes: deque[Fix] = deque()
 
     def next_s(self) -> float:
-        """The next look, or, while fixes are waiting, the last one."""
+        """The time of the next poll, or, while fixes are waiting, of the last one."""
         return self._poll_s - POLL_S if self._fixes else self._poll_s
 
     def read(self) -> Measured | None:

@@ -1,4 +1,4 @@
-"""How a simulated GNSS receiver errs: white noise, a slow offset, multipath tails, tunnels."""
+"""Simulated GNSS receiver: white noise, a slow offset, multipath, tunnels."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class Outliers(Options):
 
 
 class SimulatedGnss(Options):
-    """The sky and the receiver's truth; what it is told to be stands in the options beside.
+    """What the sky and the receiver are; what the filter believes of them is in the options beside `simulated`.
 
     `solution`: under an open sky; `recovering`: for `recovery_s` after a tunnel. `wandering` takes the place of the
     solution's white standard deviation. `states`: which standard deviation the receiver states, its datasheet's or the

@@ -82,6 +82,11 @@ class Imu(Sensor[ImuOptions]):
         """One reading each 1/rate."""
         return 1.0 / self.options.rate_hz
 
+    @property
+    def latency_s(self) -> float:
+        """Half the interval over which a reading is a mean."""
+        return 0.5 / self.options.rate_hz
+
     def observe(self, reading: InertialReading, belief: Belief | None) -> Sequence[Observed]:
         """h = [0, 0, 1] and 1 for the bias."""
         R = self.options.noise_density_mps2_rthz**2 / reading.mean_over_s

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -35,8 +36,7 @@ class InertialErrorModel:
             object.__setattr__(self, "memory_s", min(max(3.0 * self.window_s, best), LONGEST_MEMORY_S))
 
 
-@dataclass
-class _Window:
+class Window(NamedTuple):
     """A sample in the making: since when, at what speed, and the integrals of z and of z - â since then."""
 
     begin_s: float
@@ -44,12 +44,29 @@ class _Window:
     speed_variance: float
     last_s: float
     last: tuple[float, float]
-    sums: list[float] = field(default_factory=lambda: [0.0, 0.0])
+    sums: tuple[float, float] = (0.0, 0.0)
 
-    def add(self, t_s: float, values: tuple[float, float]) -> None:
+    def with_values(self, t_s: float, values: tuple[float, float]) -> Window:
+        """The sample with one more reading, by the trapezium rule."""
         half = 0.5 * (t_s - self.last_s)
-        self.sums = [total + half * (a + b) for total, a, b in zip(self.sums, self.last, values, strict=True)]
-        self.last_s, self.last = t_s, values
+        sums = (
+            self.sums[0] + half * (self.last[0] + values[0]),
+            self.sums[1] + half * (self.last[1] + values[1]),
+        )
+        return self._replace(last_s=t_s, last=values, sums=sums)
+
+
+class ErrorMemory(NamedTuple):
+    """What was learned: the normal equations, where the regressors stand, the fitted error and its variance."""
+
+    information: Array
+    eta: Array
+    fitted: tuple[float, float]
+    begun_s: float | None = None
+    learned_s: float = 0.0
+    psi: float = 0.0
+    psi_s: float = 0.0
+    window: Window | None = None
 
 
 class LearnedError:
@@ -68,70 +85,71 @@ class LearnedError:
 
     def __init__(self, model: InertialErrorModel) -> None:
         self.model = model
-        self.information = np.eye(3)
-        self._eta = np.zeros(3)
-        self._begun_s: float | None = None
-        self._learned_s = 0.0
-        self._psi = 0.0
-        self._psi_s = 0.0
-        self._window: _Window | None = None
-        self._fitted = (0.0, self._variance())
+        self.memory = ErrorMemory(np.eye(3), np.zeros(3), (0.0, 0.0))
+        self.memory = self.memory._replace(fitted=(0.0, self._variance()))
+
+    @property
+    def information(self) -> Array:
+        """Λ (3, 3)."""
+        return self.memory.information
 
     @property
     def weights(self) -> Array:
         """A, B, C."""
-        return np.asarray(np.linalg.solve(self.information, self._eta))
+        return np.asarray(np.linalg.solve(self.memory.information, self.memory.eta))
 
     def regressors(self) -> Array:
         """φ = (δ, σ √(t_j - t_m), ψ(m; j)), where learning stands."""
-        since = 0.0 if self._begun_s is None else self._learned_s - self._begun_s
-        return np.array([self.model.bias_std, self.model.walk_std * math.sqrt(since), self._psi])
+        memory = self.memory
+        since = 0.0 if memory.begun_s is None else memory.learned_s - memory.begun_s
+        return np.array([self.model.bias_std, self.model.walk_std * math.sqrt(since), memory.psi])
 
     def learn(self, t_s: float, dt_s: float, z: float, speed: float, speed_variance: float, acceleration: float) -> bool:
         """Take a reading z (mean over `dt_s`, true at `t_s`) beside the fused speed and acceleration; True with a new fit.
 
         One that comes late teaches nothing, and costs nothing either.
         """
-        window, values = self._window, (z, z - acceleration)
+        window, values = self.memory.window, (z, z - acceleration)
         if window is not None and t_s <= window.last_s:
             return False
+        fresh = Window(t_s, speed, speed_variance, t_s, values)
         if window is None or t_s - window.last_s >= GAP * dt_s:
-            self._window = _Window(t_s, speed, speed_variance, t_s, values)
+            self.memory = self.memory._replace(window=fresh)
             return False
-        window.add(t_s, values)
+        window = window.with_values(t_s, values)
         T = t_s - window.begin_s
         if self.model.window_s - 0.5 * dt_s > T:
+            self.memory = self.memory._replace(window=window)
             return False
-        self._begun_s = window.begin_s if self._begun_s is None else self._begun_s
-        self._learned_s = t_s
-        self._psi_s = min(self._psi_s + T, self.model.memory_s)
-        self._psi += T / self._psi_s * (window.sums[1] / T - self._psi)
+        psi_s = min(self.memory.psi_s + T, self.model.memory_s)
+        psi = self.memory.psi + T / psi_s * (window.sums[1] / T - self.memory.psi)
+        begun_s = window.begin_s if self.memory.begun_s is None else self.memory.begun_s
+        self.memory = self.memory._replace(begun_s=begun_s, learned_s=t_s, psi=psi, psi_s=psi_s, window=fresh)
         y = (window.sums[0] - (speed - window.speed)) / T
         self.fit(y, (self.model.noise_density**2 * T + window.speed_variance + speed_variance) / (T * T), T)
-        self._window = _Window(t_s, speed, speed_variance, t_s, values)
         return True
 
     def fit(self, y: float, variance: float, step_s: float) -> None:
         """One step of the least squares, with a sample of ε that is true where the regressors stand."""
         forget = math.exp(-step_s / self.model.memory_s)
         phi = self.regressors()
-        self.information = forget * self.information + (1.0 - forget) * np.eye(3) + np.outer(phi, phi) / variance
-        self._eta = forget * self._eta + phi * (y / variance)
-        self._fitted = (float(phi @ self.weights), self._variance())
+        information = forget * self.memory.information + (1.0 - forget) * np.eye(3) + np.outer(phi, phi) / variance
+        self.memory = self.memory._replace(information=information, eta=forget * self.memory.eta + phi * (y / variance))
+        self.memory = self.memory._replace(fitted=(float(phi @ self.weights), self._variance()))
 
     def _variance(self) -> float:
         phi = self.regressors()
-        return float(phi @ np.linalg.solve(self.information, phi))
+        return float(phi @ np.linalg.solve(self.memory.information, phi))
 
     def pause(self) -> None:
         """The fused state is not to be trusted: the sample in the making is dropped, what was learned stays."""
-        self._window = None
+        self.memory = self.memory._replace(window=None)
 
     def correction(self, t_s: float) -> tuple[float, float]:
         """ε̂ = φᵀ w as learned last, and its variance at a time: φᵀ Λ⁻¹ φ + σ² (t - t_learned), at most δ² more."""
-        age = max(0.0, t_s - self._learned_s)
-        wander = min(self.model.walk_std**2 * age, self.model.bias_std**2)
-        return self._fitted[0], self._fitted[1] + wander
+        error, variance = self.memory.fitted
+        age = max(0.0, t_s - self.memory.learned_s)
+        return error, variance + min(self.model.walk_std**2 * age, self.model.bias_std**2)
 
 
 def equivalent_white_variance(

@@ -49,13 +49,27 @@ class LearningUnit:
         self._trusted = True
         self._notices: list[Notice] = []
 
+    @property
+    def memory(self) -> Any:
+        """What it learned, where its time begins, and whether the fused state was good enough."""
+        return self._learned.memory, self._origin_ns, self._trusted
+
+    @memory.setter
+    def memory(self, memory: Any) -> None:
+        self._learned.memory, self._origin_ns, self._trusted = memory
+
     def restarted(self) -> None:
         """It learns anew: until then a reading is worth what the data sheet says."""
 
     @property
-    def is_gating(self) -> bool:
-        """No: every reading counts."""
-        return False
+    def gating(self) -> str | None:
+        """Nothing: every reading counts."""
+        return None
+
+    @property
+    def refused(self) -> str | None:
+        """Nothing, for the same reason."""
+        return None
 
     def notices(self) -> list[Notice]:
         """When it stopped and began to learn."""

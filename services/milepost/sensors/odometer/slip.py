@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 from pydantic import BaseModel, Field
 
@@ -16,6 +16,7 @@ from ..scale import SCALE
 
 Observe = Callable[[Any, Belief | None], Sequence[Observed]]
 Positive = Annotated[float, Field(gt=0.0)]
+REASONS = {"wheel_spin": "spinning", "wheel_slide": "sliding"}
 
 
 class SlipOptions(BaseModel):
@@ -39,8 +40,30 @@ class SlipOptions(BaseModel):
     report_every_m: Positive = 100.0
 
 
+class SlipMemory(NamedTuple):
+    """What the watch remembers of a wheel.
+
+    `off_since_s`: since when its readings do not count; `calm_since_s`: since when it has run as expected again. `slip`: the
+    event that was told; `stuck`: whether it lasted too long. `too_far_m`: how much further than the train it has run.
+    `mark`, `reported`: the places at which its diameter is reported. `refused`: why the last reading did not count.
+    """
+
+    off_since_s: float | None = None
+    calm_since_s: float | None = None
+    slip: str | None = None
+    stuck: bool = False
+    too_far_m: float = 0.0
+    mark: int | None = None
+    reported: int | None = None
+    refused: str | None = None
+
+    def gripping(self) -> SlipMemory:
+        """The same of a wheel that grips."""
+        return SlipMemory(mark=self.mark, reported=self.reported)
+
+
 class WheelWatch:
-    """Lets a wheel's readings count while the wheel grips; pure: its only time is that of the readings.
+    """Lets a wheel's readings count while the wheel grips; its only time is that of the readings.
 
     With the observation z = h x + e and ν = z - h x̂, S = h P hᵀ + R against the fused belief: h has 1 for the speed, so
     ν = v_w - v̂, v_w the wheel's speed at its true diameter, and the slip ratio is λ = (v̂ - v_w)/v̂ = -ν/v̂. λ ≤ λ_slip is
@@ -55,24 +78,20 @@ class WheelWatch:
         self._options = options
         self._told_diameter_m = told_diameter_m
         self._notices: list[Notice] = []
-        self._mark: int | None = None
-        self._reported: int | None = None
-        self._grip()
-
-    def _grip(self) -> None:
-        self._off_since_s: float | None = None
-        self._calm_since_s: float | None = None
-        self._slip: str | None = None
-        self._stuck = False
-        self._too_far_m = 0.0
+        self.memory = SlipMemory()
 
     def restarted(self) -> None:
         """A wheel that slips shows so in its first reading, against the fused state."""
 
     @property
-    def is_gating(self) -> bool:
-        """Whether the wheel slips, or is suspected to."""
-        return self._off_since_s is not None
+    def gating(self) -> str | None:
+        """The kind of slip, or that the wheel is off, while its readings do not count."""
+        return None if self.memory.off_since_s is None else REASONS.get(self.memory.slip or "", "contradicts the fused speed")
+
+    @property
+    def refused(self) -> str | None:
+        """Why the last reading did not count."""
+        return self.memory.refused
 
     def notices(self) -> list[Notice]:
         """What happened since the last time it was asked."""
@@ -91,52 +110,60 @@ class WheelWatch:
         expected = abs(nu) <= self._options.sigmas * math.sqrt(hPh + R)
         if not expected:
             self._off(reading, belief, nu)
-        if self._off_since_s is not None:
-            self._too_far_m += nu * reading.interval_s
+        memory = self.memory
+        if memory.off_since_s is not None:
+            self.memory = memory._replace(too_far_m=memory.too_far_m + nu * reading.interval_s)
             if not (expected and self._calm(reading.measured_at_ns * 1e-9)):
+                self.memory = self.memory._replace(refused=self.gating)
                 return ()
         return (Observed(row, value, max(R, (nu / self._options.doubt_sigmas) ** 2 - hPh)),)
 
     def _off(self, reading: Any, belief: Belief, nu: float) -> None:
         t_s, options = reading.measured_at_ns * 1e-9, self._options
-        self._calm_since_s = None
-        if self._off_since_s is None:
-            self._off_since_s = t_s
+        first = self.memory.off_since_s is None
+        since_s = t_s if self.memory.off_since_s is None else self.memory.off_since_s
         v = float(belief.mean[1])
         ratio = -nu / v if abs(v) >= options.least_speed_mps else 0.0
         slip = "wheel_spin" if ratio <= options.spin_ratio else "wheel_slide" if ratio >= options.slide_ratio else None
-        if slip is not None and slip != self._slip:
-            self._slip = slip
-            text = f"slip ratio {ratio:+.3f} at {abs(v) * 3.6:.1f} km/h: the fused speed stands for the odometer"
+        slip_told, stuck = self.memory.slip, self.memory.stuck
+        if slip is not None and slip != slip_told:
+            slip_told = slip
+            text = f"slip ratio {ratio:+.3f} at {abs(v) * 3.6:.1f} km/h: the odometer's readings do not count"
             self._notices.append(Notice("warning", slip, text))
-        if t_s - self._off_since_s > options.longest_s and not self._stuck:
-            self._stuck = True
+        elif first:
+            text = f"{nu:+.3f} m/s off the fused speed of {abs(v) * 3.6:.1f} km/h: the odometer's readings do not count"
+            self._notices.append(Notice("info", "wheel_off", text))
+        if t_s - since_s > options.longest_s and not stuck:
+            stuck = True
             text = f"{100.0 * abs(ratio):.2f} % off for {options.longest_s:g} s: no slip lasts so long, is the diameter right?"
             self._notices.append(Notice("error", "wheel_doubtful", text))
+        self.memory = self.memory._replace(off_since_s=since_s, calm_since_s=None, slip=slip_told, stuck=stuck)
 
     def _calm(self, t_s: float) -> bool:
         """Whether a wheel that was off has run as expected for long enough; then it grips."""
-        if self._calm_since_s is None:
-            self._calm_since_s = t_s
-        if t_s - self._calm_since_s < self._options.hold_s:
+        memory = self.memory
+        calm_since_s = t_s if memory.calm_since_s is None else memory.calm_since_s
+        if t_s - calm_since_s < self._options.hold_s:
+            self.memory = memory._replace(calm_since_s=calm_since_s)
             return False
-        if self._slip is not None and self._off_since_s is not None:
-            text = f"after {t_s - self._off_since_s:.1f} s; the wheel had run {self._too_far_m:+.2f} m further than the train"
+        if memory.off_since_s is not None:
+            text = f"after {t_s - memory.off_since_s:.1f} s; the wheel had run {memory.too_far_m:+.2f} m further than the train"
             self._notices.append(Notice("info", "wheel_grips", text))
-        self._grip()
+        self.memory = memory.gripping()
         return True
 
     def _report_diameter(self, belief: Belief) -> None:
         position, k = float(belief.mean[0]), float(belief.mean[SCALE])
         mark = math.floor(position / self._options.report_every_m)
-        before, self._mark = self._mark, mark
-        if before is None or before == mark:
+        before = self.memory.mark
+        if before == mark:
             return
-        passed = max(before, mark)
+        self.memory = self.memory._replace(mark=mark)
+        passed = mark if before is None else max(before, mark)
         # a train that stands on a mark passes it for ever in what is believed of it
-        if passed == self._reported:
+        if before is None or passed == self.memory.reported:
             return
-        self._reported = passed
+        self.memory = self.memory._replace(reported=passed)
         diameter_mm = 1e3 * self._told_diameter_m * (1.0 + k)
         std_mm = 1e3 * self._told_diameter_m * math.sqrt(float(belief.covariance[SCALE, SCALE]))
         text = f"{diameter_mm:.2f} mm ± {std_mm:.2f} at {position:.1f} m (told {1e3 * self._told_diameter_m:.1f} mm)"

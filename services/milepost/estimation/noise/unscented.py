@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from .layout import Array
+from ..layout import Array
 
 
 def sigma_points(mean: Array, covariance: Array, kappa: float) -> Array:

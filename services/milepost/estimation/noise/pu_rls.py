@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .layout import Array
+from ..layout import Array
+from ..scalar import ScalarKernel, Scalars
 from .rls import MAX_USEFUL_VARIANCE, SETTLING, LocalParabola
-from .scalar import ScalarKernel, Scalars
 from .swarm import Swarm
 from .unscented import unscented_gain_terms
 

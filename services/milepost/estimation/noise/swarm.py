@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from .layout import Array
+from ..layout import Array
 
 ACCELERATION = 2.6
 TOP_SPEED = 10.0

@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .kalman import update
-from .layout import Array
-from .motion import transition
+from ..kalman import update
+from ..layout import Array
+from ..motion import transition
 
 # what the parabola's coefficients may be before the first reading, in units of the noise: nothing is known
 PRIOR_VARIANCE = 1e8

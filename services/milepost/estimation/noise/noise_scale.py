@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .layout import Array
+from ..layout import Array
 
 # transition matrices kept, by step: a sensor has one period, and some jitter rounded to a millisecond
 KEPT_STEPS = 64

@@ -1,0 +1,101 @@
+"""Draw the pictures of the README: `make pictures`. The table is a live run's, the plot that of `milepost evaluate`."""
+
+from __future__ import annotations
+
+import io
+import signal
+import socket
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+from PIL import Image
+from rich.console import Console
+
+from milepost.cli.watch import STREAMS, Screen
+from milepost.runtime.listening import listening
+
+FOLDER = Path(__file__).resolve().parent / "pictures"
+SCENARIO = "odometer-radar"
+# the front wheel of the default train spins from 75 to 79 s
+RUN_S = 77.0
+COLUMNS = 100
+COLOURS = 32
+
+# rich's own template without its web fonts: the picture loads nothing from elsewhere
+SVG = """\
+<svg class="rich-terminal" viewBox="0 0 {width} {height}" xmlns="http://www.w3.org/2000/svg">
+<style>
+.{unique_id}-matrix {{ font-family: ui-monospace, Menlo, Consolas, "DejaVu Sans Mono", monospace;
+  font-size: {char_height}px; line-height: {line_height}px; font-variant-east-asian: full-width; }}
+.{unique_id}-title {{ font-size: 18px; font-weight: bold; font-family: sans-serif; }}
+{styles}
+</style>
+<defs>
+<clipPath id="{unique_id}-clip-terminal"><rect x="0" y="0" width="{terminal_width}" height="{terminal_height}" /></clipPath>
+{lines}
+</defs>
+{chrome}
+<g transform="translate({terminal_x}, {terminal_y})" clip-path="url(#{unique_id}-clip-terminal)">
+{backgrounds}
+<g class="{unique_id}-matrix">
+{matrix}
+</g>
+</g>
+</svg>
+"""
+
+
+def draw_table(path: Path) -> None:
+    """Draw the live table of the default train, `RUN_S` after its first state."""
+    port = free_port()
+    endpoint = f"tcp/127.0.0.1:{port}"
+    up = [sys.executable, "-m", "milepost", "up", "--headless", "--listen", endpoint]
+    process = subprocess.Popen(up, stderr=subprocess.DEVNULL)
+    screen = Screen()
+    try:
+        wait_for(port)
+        with listening([endpoint], STREAMS, "*", screen.receive):
+            while not screen.states:
+                time.sleep(0.1)
+            time.sleep(RUN_S)
+            console = Console(record=True, width=COLUMNS, file=io.StringIO(), force_terminal=True)
+            console.print(screen.render())
+    finally:
+        process.send_signal(signal.SIGINT)
+        process.wait()
+    path.write_text(console.export_svg(title="milepost up", code_format=SVG, unique_id="milepost"), encoding="utf-8")
+
+
+def free_port() -> int:
+    """A port on which nothing listens."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port: int = probe.getsockname()[1]
+        return port
+
+
+def wait_for(port: int) -> None:
+    """Return once something listens on the port."""
+    deadline = time.monotonic() + 30.0
+    while time.monotonic() < deadline:
+        try:
+            socket.create_connection(("127.0.0.1", port)).close()
+            return
+        except ConnectionRefusedError:
+            time.sleep(0.1)
+    raise TimeoutError(f"nothing listens on port {port}")
+
+
+def draw_plot(path: Path) -> None:
+    """Draw the errors of a scenario; few colours keep the file small."""
+    subprocess.run([sys.executable, "-m", "milepost", "evaluate", SCENARIO, "--plot", str(path)], check=True)
+    with Image.open(path) as image:
+        image.convert("RGB").quantize(COLOURS, dither=Image.Dither.NONE).save(path, optimize=True)
+
+
+if __name__ == "__main__":
+    FOLDER.mkdir(exist_ok=True)
+    draw_table(FOLDER / "table.svg")
+    draw_plot(FOLDER / "errors.png")

@@ -1,0 +1,88 @@
+"""The process that shows a train for `milepost up`: who has come, then the live table, or lines where there is no terminal."""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+from collections.abc import Sequence
+from typing import Literal
+
+from milepost.runtime import zenoh_config
+from milepost.runtime.instances import Token
+from milepost.runtime.listening import listening
+from milepost.runtime.stop_signals import StopSignals
+from milepost_schemas import FusedState, Message
+
+from .arrivals import Arrivals
+
+# `start`: only who has come, until the first state; `lines`: a state a second as well; `table`: the live table
+Mode = Literal["start", "lines", "table"]
+READ_BYTES = 65536
+LOOK_EVERY_S = 0.2
+
+
+def run_display(endpoint: str, train: str, expected: Sequence[str], mode: Mode, began_ns: int) -> None:
+    """Show a train until stopped. In a table, what comes on standard input is shown line by line."""
+
+    def age_s() -> float:
+        return (time.time_ns() - began_ns) * 1e-9
+
+    names = ["router", *expected]
+    if mode == "start":
+        _show_start(endpoint, train, Arrivals(names, _say, age_s))
+        return
+    # what draws a table takes a while to import
+    from .watch import STREAMS, Screen, show
+
+    screen = Screen()
+    arrivals = screen.arrivals = Arrivals(names, screen.say if mode == "table" else _say, age_s)
+
+    def receive(stream: str, message: Message, now_ns: int) -> None:
+        if isinstance(message, FusedState):
+            arrivals.state()
+        screen.receive(stream, message, now_ns)
+
+    def alive(token: Token, there: bool) -> None:
+        if there:
+            arrivals.came(token.unit)
+        screen.alive(token, there)
+
+    # until the session is open, SIGTERM just ends this process
+    with listening([endpoint], STREAMS, train, receive, alive, zenoh_config.client), StopSignals() as stop:
+        arrivals.came("router")
+
+        def going() -> bool:
+            if mode == "table":
+                for sentence in _sentences():
+                    screen.say(sentence)
+            return not stop.asked
+
+        show(screen, going, stop.wait)
+
+
+def _show_start(endpoint: str, train: str, arrivals: Arrivals) -> None:
+    def receive(stream: str, message: Message, now_ns: int) -> None:  # noqa: ARG001
+        arrivals.state()
+
+    def alive(token: Token, there: bool) -> None:
+        if there:
+            arrivals.came(token.unit)
+
+    with listening([endpoint], ["state"], train, receive, alive, zenoh_config.client), StopSignals() as stop:
+        arrivals.came("router")
+        while not arrivals.done and not stop.wait(LOOK_EVERY_S):
+            pass
+
+
+def _say(sentence: str) -> None:
+    print(f"milepost: {sentence}", file=sys.stderr, flush=True)
+
+
+def _sentences() -> list[str]:
+    """What has come on standard input since the last time."""
+    os.set_blocking(0, False)
+    try:
+        return os.read(0, READ_BYTES).decode(errors="replace").splitlines()
+    except BlockingIOError:
+        return []

@@ -1,0 +1,34 @@
+"""The processes of `milepost up` besides the train's own: the router, the display, and what measures for a report."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from functools import partial
+from pathlib import Path
+
+from milepost.runtime.launch import Job
+from milepost.runtime.train_jobs import router_job as router_job
+
+from .display import Mode, run_display
+
+
+def display_job(mode: Mode, endpoint: str, train: str, expected: Sequence[str], began_ns: int, heard: int | None) -> Job:
+    """What shows the train; `heard`: where it hears sentences to be shown."""
+    options = ["--connect", endpoint, "--name", train, "--mode", mode, "--began-ns", str(began_ns)]
+    for name in expected:
+        options += ["--expect", name]
+    body = partial(run_display, endpoint, train, expected, mode, began_ns)
+    return Job("display", ("display",), tuple(options), body, stdin=heard)
+
+
+def measuring_jobs(endpoint: str, report: Path | None, stalls: Path) -> Iterator[Job]:
+    """The outside observer, and the sentinel that notes when the machine stalls."""
+    if report is None:
+        return
+    from milepost.evaluation.live import run_observe
+    from milepost.evaluation.stalls import run_sentinel
+
+    place = ("--stalls", str(stalls))
+    yield Job("sentinel", ("sentinel",), place, partial(run_sentinel, stalls), restart=False)
+    options = (*place, "--report", str(report), "--connect", endpoint)
+    yield Job("observer", ("observe",), options, partial(run_observe, [endpoint], "*", report, stalls), restart=False)

@@ -1,0 +1,86 @@
+"""What to say of a mistake that pydantic found: the value as it stands in the file, and the nearest word that is known."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import fields, is_dataclass
+from difflib import get_close_matches
+from typing import Any, Literal, get_args, get_origin
+
+from pydantic import BaseModel
+from pydantic_core import ErrorDetails
+
+UNKNOWN_KEY = ("extra_forbidden", "unexpected_keyword_argument")
+LONGEST_VALUE = 60
+
+
+def nearest(word: object, known: Iterable[str]) -> str:
+    """`; did you mean 'x'?` for the known word that is most like this one; nothing where none is."""
+    found = get_close_matches(str(word), list(known), n=1)
+    return f"; did you mean {found[0]!r}?" if found else ""
+
+
+def must_be_one_of(known: Iterable[str], value: object) -> str:
+    """The words that are possible, the one that was found, and the nearest to it."""
+    known = list(known)
+    return f"must be one of {', '.join(known)}, not {_shown(value)}{nearest(value, known)}"
+
+
+def first_mistake(errors: list[ErrorDetails], model: type) -> ErrorDetails:
+    """The mistake to be mended first: a key that is unknown before one that is missing beside it, for one may be the other."""
+    first = errors[0]
+    beside = [e for e in errors if e["type"] in UNKNOWN_KEY and e["loc"][:-1] == first["loc"][:-1]]
+    if first["type"] == "missing":
+        return next((e for e in beside if nearest(e["loc"][-1], known_keys(model, e["loc"]))), first)
+    return first
+
+
+def text_of(mistake: ErrorDetails, model: type) -> str:
+    """What is wrong, with the value and, for words, the nearest that is known."""
+    kind, context, value = mistake["type"], mistake.get("ctx", {}), mistake["input"]
+    if kind in UNKNOWN_KEY:
+        known = known_keys(model, mistake["loc"])
+        return "unknown key" + (nearest(mistake["loc"][-1], known) or f"; known are {', '.join(known)}")
+    if kind == "union_tag_invalid":
+        words = [word.strip("'") for word in context["expected_tags"].split(", ")]
+        return f"{context['discriminator'].strip(chr(39))} {must_be_one_of(words, context['tag'])}"
+    if kind == "literal_error":
+        words = [word.strip("'") for word in context["expected"].replace(" or ", ", ").split(", ")]
+        return must_be_one_of(words, value)
+    text = mistake["msg"].removeprefix("Value error, ")
+    # of a whole mapping or list the field that is wrong is part of the text already
+    if kind == "missing" or (kind == "value_error" and isinstance(value, Mapping | list)) or _shown(value) in text:
+        return text
+    return f"{text}, not {_shown(value)}"
+
+
+def _shown(value: object) -> str:
+    text = repr(value)
+    return text if len(text) <= LONGEST_VALUE else f"{text[: LONGEST_VALUE - 3]}..."
+
+
+def known_keys(model: type, place: tuple[int | str, ...]) -> list[str]:
+    """The keys that the mapping may have in which the last part of a place stands, in the order of the model."""
+    here = [model]
+    for part in place[:-1]:
+        inside = [found for one in here for found in _models(_annotations(one).get(str(part)))]
+        # what is no field is an index, a key of a mapping, or the tag of a member of a union, which pydantic puts there
+        here = inside or [one for one in here if _has_tag(one, part)] or here
+    return list(dict.fromkeys(name for one in here for name in _annotations(one)))
+
+
+def _annotations(model: type) -> dict[str, Any]:
+    if issubclass(model, BaseModel):
+        return {name: field.annotation for name, field in model.model_fields.items()}
+    return {field.name: field.type for field in fields(model)} if is_dataclass(model) else {}
+
+
+def _models(annotation: Any) -> list[type]:
+    """The models anywhere inside an annotation."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return [annotation]
+    return [found for part in get_args(annotation) for found in _models(part)]
+
+
+def _has_tag(model: type, tag: object) -> bool:
+    return any(get_origin(a) is Literal and tag in get_args(a) for a in _annotations(model).values())

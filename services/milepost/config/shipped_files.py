@@ -1,0 +1,48 @@
+"""Trains and scenarios by name: first those in the working folder's `deploy`, then those that Milepost ships."""
+
+from __future__ import annotations
+
+from difflib import get_close_matches
+from pathlib import Path
+
+PACKAGE = Path(__file__).resolve().parents[1]
+
+
+def shipped_folder() -> Path:
+    """The `deploy` folder that came with this installation: inside a wheel, or the repository's in an editable install."""
+    inside = PACKAGE / "deploy"
+    return inside if inside.is_dir() else PACKAGE.parents[1] / "deploy"
+
+
+def names_in(kind: str) -> list[str]:
+    """The names of all `trains` or `scenarios` that can be asked for, sorted."""
+    return sorted({path.stem for folder in _folders(kind) for path in folder.glob("*.yaml")})
+
+
+def find_file(given: Path, kind: str) -> Path:
+    """A path as it is, or a bare name as the file `{kind}/{name}.yaml`; `kind` is `trains` or `scenarios`.
+
+    Raises ConfigError where a bare name is neither a file nor known.
+    """
+    if given.is_file() or given.suffix or len(given.parts) != 1:
+        return given
+    for folder in _folders(kind):
+        path = folder / f"{given}.yaml"
+        if path.is_file():
+            return path
+    # a mistake is rare: without this import the command line starts faster
+    from .yaml_files import ConfigError
+
+    names = names_in(kind)
+    near = get_close_matches(str(given), names, n=1)
+    meant = f"; did you mean {near[0]!r}?" if near else ""
+    raise ConfigError(given, "", f"neither a file nor one of the {kind}: {', '.join(names)}{meant}")
+
+
+def scenario_folder() -> Path:
+    """The folder of all scenarios: the working folder's `deploy/scenarios` if there is one, else the shipped one."""
+    return next((folder for folder in _folders("scenarios") if folder.is_dir()), shipped_folder() / "scenarios")
+
+
+def _folders(kind: str) -> tuple[Path, Path]:
+    return Path("deploy") / kind, shipped_folder() / kind

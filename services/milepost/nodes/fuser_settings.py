@@ -1,0 +1,36 @@
+"""What a train file says of fusion, as the fuser's node takes it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from milepost.estimation.estimator import Prior
+from milepost.estimation.layout import Layout
+from milepost.estimation.shares import Shares
+
+from .judges import UnitJudge
+from .roster import UnitRow
+
+
+@dataclass(frozen=True)
+class FuserSettings:
+    """What a train file says of fusion; `sigmas` and `lost_above_m` as in `state_writer`.
+
+    `judges`: the units whose readings are linearised and judged here instead of in their filters.
+    """
+
+    rule: str
+    period_ns: int
+    deadline_ns: int
+    horizon_ns: int
+    feedback: bool
+    feedback_every: int
+    shares: Shares
+    sigmas: float
+    lost_above_m: float
+    jerk_psd: float
+    prior: Prior
+    layout: Layout
+    units: list[UnitRow]
+    judges: Mapping[str, UnitJudge] = field(default_factory=dict)

@@ -1,0 +1,59 @@
+"""The processes of a train as jobs: what each does in a fork, and the command that does the same."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from functools import partial
+
+from milepost.config.roles import ROLES, Process, Setting, processes
+from milepost.config.train import Train
+from milepost.sensors.base import World
+
+from .launch import Job
+from .process import ProcessOptions, run_process, run_router
+
+
+def router_job(endpoint: str) -> Job:
+    """The router, listening on an endpoint."""
+    parent = os.getpid()
+    options = ("--listen", endpoint, "--parent", str(parent))
+    return Job("router", ("run", "router"), options, partial(run_router, [endpoint], None, parent))
+
+
+def checked_world(train: Train, duration_s: float | None) -> World | None:
+    """The train's world, after every process has been built with it once. Raises ConfigError for what a recording spoils."""
+    setting = Setting.of(train, "check", duration_s)
+    for process in processes(train):
+        ROLES[process.role].build(train, process.unit, setting)
+    return setting.world
+
+
+def train_jobs(train: Train, world: World | None, options: ProcessOptions) -> Iterator[Job]:
+    """All processes of a train besides the router, listeners before speakers. `world` is shared by the forks."""
+    for process in processes(train):
+        role = ROLES[process.role]
+        unit = (process.unit,) if role.per_unit else ()
+        yield Job(
+            process.name,
+            ("run", process.role, *unit),
+            _command_options(train, process, options),
+            partial(run_process, train, process.role, process.unit, options, world if role.uses_world else None),
+            # a world that begins again would put truth and sensors on different times
+            restart=process.role != "world",
+        )
+
+
+def _command_options(train: Train, process: Process, options: ProcessOptions) -> tuple[str, ...]:
+    out = ["--train", str(train.path)]
+    for endpoint in options.endpoints:
+        out += ["--connect", endpoint]
+    if options.parent is not None:
+        out += ["--parent", str(options.parent)]
+    if process.role == "world":
+        out += ["--speed", str(options.speed)]
+    if ROLES[process.role].uses_world and options.duration_s is not None:
+        out += ["--duration", str(options.duration_s)]
+    if process.role == "filter" and options.state_dir is not None:
+        out += ["--state-dir", str(options.state_dir)]
+    return tuple(out)

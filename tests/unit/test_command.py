@@ -1,0 +1,97 @@
+"""The `milepost` command itself: versions, completion, mistakes."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from importlib.metadata import version
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+
+from milepost.cli.main import main
+from milepost.config.shipped_files import names_in
+
+
+class Said(NamedTuple):
+    """How a command ended, and what it printed."""
+
+    code: object
+    out: str
+    err: str
+
+
+class Command:
+    """`milepost` in this process."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+        self._monkeypatch, self._capsys = monkeypatch, capsys
+
+    def run(self, *arguments: str, **environment: str) -> Said:
+        self._monkeypatch.setattr(sys, "argv", ["milepost", *arguments])
+        for name, value in environment.items():
+            self._monkeypatch.setenv(name, value)
+        with pytest.raises(SystemExit) as ended:
+            main()
+        return Said(ended.value.code, *self._capsys.readouterr())
+
+    def completed(self, words: str) -> list[str]:
+        """What bash is offered for the last of these words."""
+        said = self.run(_MILEPOST_COMPLETE="complete_bash", COMP_WORDS=words, COMP_CWORD=str(words.count(" ")))
+        assert said.code == 0, said.err
+        return said.out.split()
+
+
+@pytest.fixture
+def command(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Command:
+    return Command(monkeypatch, capsys)
+
+
+def test_version_names_both_distributions() -> None:
+    said = subprocess.run([Path(sys.executable).parent / "milepost", "--version"], capture_output=True, text=True, check=True)
+    assert said.stdout.splitlines() == [f"{name} {version(name)}" for name in ("milepost", "milepost-schemas")]
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
+def test_completion_can_be_shown_for_a_shell(command: Command, shell: str) -> None:
+    said = command.run("--show-completion", shell, _TYPER_COMPLETE_TEST_DISABLE_SHELL_DETECTION="1")
+    assert said.code == 0, said.err
+    assert "_MILEPOST_COMPLETE" in said.out
+
+
+def test_commands_are_completed(command: Command) -> None:
+    assert command.completed("milepost eva") == ["evaluate"]
+
+
+def test_trains_are_completed_by_name(command: Command) -> None:
+    trains = [name for name in names_in("trains") if name.startswith("br")]
+    assert len(trains) > 1
+    assert command.completed("milepost up --train br") == trains
+
+
+def test_scenarios_are_completed_by_name(command: Command) -> None:
+    assert command.completed("milepost evaluate odo") == ["odometer-radar"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "line"),
+    [
+        (["up", "--train", "metor"], "metor: neither a file nor one of the trains"),
+        (["up", "--train", "missing.yaml"], "missing.yaml: No such file"),
+        (["run", "fuser", "--train", "metor"], "metor: neither a file nor one of the trains"),
+        (["evaluate", "odometr-radar"], "odometr-radar: neither a file nor one of the scenarios"),
+        (["rerun", "missing.jsonl", "--out", "out.jsonl"], "missing.jsonl: no such file"),
+    ],
+    ids=lambda value: " ".join(value[:2]) if isinstance(value, list) else None,
+)
+def test_a_missing_file_is_one_line_and_exit_code_2(
+    command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, arguments: list[str], line: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    said = command.run(*arguments)
+    assert (said.code, said.out) == (2, "")
+    *progress, mistake = said.err.splitlines()
+    assert mistake.startswith(f"milepost: {line}")
+    assert all(each.startswith("milepost: reading ") for each in progress)
+    assert list(tmp_path.iterdir()) == []

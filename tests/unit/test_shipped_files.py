@@ -1,0 +1,70 @@
+"""Trains and scenarios are found by name, in the working folder first."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from milepost.config.shipped_files import find_file, names_in, scenario_folder, shipped_folder
+from milepost.config.train import load_train
+from milepost.config.yaml_files import ConfigError
+
+
+@pytest.fixture
+def elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """An empty working folder."""
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def put(folder: Path, name: str) -> Path:
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / name
+    path.write_text("{}", encoding="utf-8")
+    return path
+
+
+def test_an_editable_install_finds_the_repositorys_files(root: Path) -> None:
+    assert shipped_folder() == root / "deploy"
+
+
+def test_a_name_is_found_from_any_folder(elsewhere: Path, root: Path) -> None:
+    assert find_file(Path("full"), "trains") == root / "deploy/trains/full.yaml"
+    assert find_file(Path("odometer-radar"), "scenarios") == root / "deploy/scenarios/odometer-radar.yaml"
+    assert scenario_folder() == root / "deploy/scenarios"
+    assert load_train(find_file(Path("full"), "trains")).name == "full-1"
+
+
+def test_the_working_folders_deploy_comes_first(elsewhere: Path) -> None:
+    put(elsewhere / "deploy/trains", "full.yaml")
+    put(elsewhere / "deploy/trains", "mine.yaml")
+    put(elsewhere / "deploy/scenarios", "one.yaml")
+    assert find_file(Path("full"), "trains") == Path("deploy/trains/full.yaml")
+    assert find_file(Path("mine"), "trains") == Path("deploy/trains/mine.yaml")
+    assert find_file(Path("metro"), "trains").parent == shipped_folder() / "trains"
+    assert {"mine", "metro"} <= set(names_in("trains"))
+    assert scenario_folder() == Path("deploy/scenarios")
+
+
+def test_a_file_of_that_name_comes_before_all(elsewhere: Path) -> None:
+    put(elsewhere, "full")
+    assert find_file(Path("full"), "trains") == Path("full")
+
+
+def test_a_folder_of_that_name_does_not_hide_a_train(elsewhere: Path) -> None:
+    (elsewhere / "full").mkdir()
+    assert find_file(Path("full"), "trains").name == "full.yaml"
+
+
+@pytest.mark.parametrize("given", ["missing.yaml", "a/missing", "../full"])
+def test_a_path_stays_as_it_is(elsewhere: Path, given: str) -> None:
+    assert find_file(Path(given), "trains") == Path(given)
+
+
+def test_an_unknown_name_lists_the_known_and_the_nearest(elsewhere: Path) -> None:
+    with pytest.raises(ConfigError) as caught:
+        find_file(Path("metor"), "trains")
+    text = str(caught.value)
+    assert text.startswith("metor: neither a file nor one of the trains: beidou-maglev, ")
+    assert text.endswith("; did you mean 'metro'?")
