@@ -13,13 +13,24 @@ from milepost.config.train import load_train
 from milepost.evaluation.run_log import RunLog
 from milepost.offline.run import OFFLINE_START_NS, simulate
 
+pytestmark = pytest.mark.slow
 SEEDS = range(20)
 FULL = Path("deploy/trains/full.yaml")
 UNITS = {"radar-front": {}, "loop": {}, "odometer-front": {}, "balise-reader": {}}
 LINE = {"line": "l", "length_m": 2000.0, "balises": {"every_m": 20.0, "from_m": 20.0, "location_accuracy_m": 0.05}}
 # the changes of acceleration take 5 s, which the filter's jerk of 0.01 m²/s⁵ allows for
 TWO_STOPS = [[0.0, 5.0], [3.0, 5.0], [13.0, 0.0], [33.0, 0.0], [43.0, 5.0], [45.0, 5.0], [55.0, 0.0], [75.0, 0.0], [80.0, 2.0]]
-REVERSALS = [[0.0, 4.0], [3.0, 4.0], [11.0, 0.0], [15.0, -1.5], [25.0, -1.5], [33.0, 1.5], [40.0, 0.0], [50.0, 0.0], [55.0, -1.0]]
+REVERSALS = [
+    [0.0, 4.0],
+    [3.0, 4.0],
+    [11.0, 0.0],
+    [15.0, -1.5],
+    [25.0, -1.5],
+    [33.0, 1.5],
+    [40.0, 0.0],
+    [50.0, 0.0],
+    [55.0, -1.0],
+]
 # the full train's world, where nobody holds the brake: it creeps and rolls by some 0.3 m/s where it should stand
 CREEPS = {"jerk_psd_m2ps5": 1e-5, "driver_time_s": 60.0, "start_std": [0.5, 0.1, 0.0]}
 BRAKED = {"jerk_psd_m2ps5": 0.0, "start_std": [0.5, 0.0, 0.0]}
