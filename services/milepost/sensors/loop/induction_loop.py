@@ -18,11 +18,11 @@ from .simulated import SimulatedLoop
 class InductionLoop(Sensor[InductionLoopOptions]):
     """|v| from pulse timing: z = n p/Δt over the n pitches between the last pulses of two sampling windows.
 
-    Stamped at mid-interval: the difference of two positions is the mean speed, which is the speed there up to e = J Δt²/24
-    (`pulses`). Each pitch is off by N(0, σ²) independently, so R = n σ²/Δt² + e² and the readings' errors add up to a
-    position error that grows as √n. Pulses do not say which way: the belief gives the sign (`direction.signed`). Where the
-    train may have turned round (`direction.Reversals`) it went anything up to n p, which adds (n p/Δt)²/3. Long silence is a
-    bound, never zero, taken as v = 0 with the variance that `pulses` says. Source: A (11).
+    Stamped at mid-interval: a difference of positions is the mean speed, which equals the speed there up to e = J Δt²/24 (see
+    `pulses`). Each pitch is off by N(0, σ²) independently, so R = n σ²/Δt² + e², and the errors of the readings add up to a
+    position error that grows as √n. Pulses do not tell the direction: the belief decides the sign (`direction.signed`). If
+    the train may have turned round (`direction.Reversals`), it moved by anything up to n p, which adds (n p/Δt)²/3 to R. A
+    long silence is a bound, never zero: z = 0 with the variance given in `pulses`. Source: A (11).
 
     A missed crossing makes one reading of n pitches say m = n - 1, and the position one pitch too low until the next fix.
     Where crossings can be missed, n comes from m and the belief's speed (see `count`): z = E[n] p/Δt,
@@ -35,7 +35,7 @@ class InductionLoop(Sensor[InductionLoopOptions]):
 
     @property
     def needs_belief(self) -> bool:
-        """For the sign, and where crossings can be missed, to say how many."""
+        """For the sign, and for the number of missed crossings."""
         return True
 
     def observe(self, reading: Any, belief: Belief | None) -> Sequence[Observed]:
@@ -51,7 +51,7 @@ class InductionLoop(Sensor[InductionLoopOptions]):
     def _counted(
         self, speed_mps: float, variance_m2ps2: float, dt: float, belief: Belief | None, faults: Faults
     ) -> tuple[float, float]:
-        """|v| and its variance with the pitches that were missed."""
+        """|v| and its variance with the missed pitches counted."""
         pitch, std = self.options.pitch_m, self.options.pitch_std_m
         seen = max(1, round(speed_mps * dt / pitch))
         expected, variance = None, 0.0

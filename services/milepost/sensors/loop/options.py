@@ -1,11 +1,13 @@
-"""What a train file says of a loop: what device and filter believe of it, and how the simulated one really lies."""
+"""Options of a loop: what device and filter believe of it, and how the simulated one is really laid."""
 
 from __future__ import annotations
 
 import math
 from typing import Annotated, Literal, NamedTuple
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, Field, model_validator
+
+from milepost.recordings.options import STRICT
 
 from ..pulses import PulseOptions
 from .count import Faults
@@ -14,14 +16,14 @@ Pitch = Annotated[float, Field(ge=1e-3)]
 PitchStd = Annotated[float, Field(gt=0.0)]
 Probability = Annotated[float, Field(ge=0.0, le=0.1)]
 Length = Annotated[float, Field(gt=0.0)]
-# a pitch, as laid, is never further off than this many standard deviations
+# no pitch, as laid, is off by more than this many standard deviations
 SIGMAS = 5.0
-# so rare are more misses in a row than a bound allows for
+# the probability of more misses in a row than a bound allows for
 NEVER = 1e-6
 
 
 class Laid(NamedTuple):
-    """A loop as it lies along the track: pitch and its standard deviation, crossings missed, joints."""
+    """A loop as laid along the track: pitch and its standard deviation, missed crossings, joints."""
 
     pitch_m: float
     pitch_std_m: float
@@ -31,9 +33,9 @@ class Laid(NamedTuple):
 
 
 class SimulatedLoopOptions(BaseModel):
-    """The loop that is not there: what is not given is as the filter believes."""
+    """How the simulated loop is really laid; what is not given is as the filter believes."""
 
-    model_config = ConfigDict(strict=True, frozen=True, extra="forbid", allow_inf_nan=False)
+    model_config = STRICT
 
     pitch_m: Pitch | None = None
     pitch_std_m: PitchStd | None = None
@@ -49,7 +51,7 @@ class InductionLoopOptions(PulseOptions):
     `phase_s`: when, after each whole period, the pulses are read out.
     `missed_probability`: of each crossing. Joints without crossings, `joint_length_m` long, lie at each multiple of
     `joint_every_m`. `antennas: 2`: a second one `antenna_spacing_m` behind the first bridges them.
-    `simulated`: how the simulated loop really lies.
+    `simulated`: how the simulated loop is really laid, where that differs from what the filter believes.
     """
 
     rate_hz: Annotated[float, Field(gt=0.0, le=1000.0)] = 100.0
@@ -77,12 +79,12 @@ class InductionLoopOptions(PulseOptions):
 
     @property
     def believed(self) -> Laid:
-        """The loop that device and filter reckon with."""
+        """The loop as device and filter believe it to be."""
         return Laid(self.pitch_m, self.pitch_std_m, self.missed_probability, self.joint_every_m, self.joint_length_m)
 
     @property
     def laid(self) -> Laid:
-        """The loop that the simulated antennas pass over."""
+        """The loop that the simulated antennas cross."""
         given = self.simulated.model_dump(exclude_none=True)
         return self.believed._replace(**given)
 
@@ -101,7 +103,7 @@ class InductionLoopOptions(PulseOptions):
 
     @property
     def longest_gap_m(self) -> float:
-        """The longest way without a pulse: a pitch as laid, as many misses in a row as ever are, and a joint."""
+        """The longest distance without a pulse: a pitch as laid, the most misses in a row, and a joint."""
         pitch_m, faults = self.pitch_m + SIGMAS * self.pitch_std_m, self.faults
         if faults is None:
             return pitch_m

@@ -13,7 +13,7 @@ from .options import InductionLoopOptions
 
 
 class SimulatedLoop(PeriodicSource):
-    """Each period a value, or a bound, where there has been no pulse for long enough."""
+    """One reading a period: a value if there were pulses, a bound if there have been none for long enough."""
 
     def __init__(self, unit: str, options: InductionLoopOptions, world: World, from_s: float) -> None:
         super().__init__(1.0 / options.rate_hz, from_s, world.motion.end_s, options.phase_s)
@@ -43,7 +43,7 @@ class SimulatedLoop(PeriodicSource):
         self._reversals = Reversals(options.pitch_m, options.pitch_std_m, options.acceleration_max_mps2)
 
     def sample(self, index: int, t_s: float) -> Measured | None:  # noqa: ARG002
-        """What the device says at the end of a period."""
+        """The reading at the end of a period; None where there is none."""
         from_s, self._t = self._t, t_s
         seen = [antenna.look(from_s, t_s) for antenna in self._antennas]
         last_s = max((pulses.last_s for pulses in seen if pulses is not None), default=None)

@@ -52,7 +52,7 @@ class Wheel:
         return path * self._pulses_per_turn / (math.pi * self.diameter_m(0.5 * (from_s + to_s)))
 
     def legs(self, from_s: float, to_s: float) -> list[tuple[float, float]]:
-        """The time between, in two where the wheel turns round with the train."""
+        """The time in between, split where the wheel turns round with the train."""
         return legs(self._motion, from_s, self._motion.at(from_s)[1], to_s, self._motion.at(to_s)[1])
 
     def _crept(self, from_s: float, to_s: float) -> float:
@@ -105,10 +105,10 @@ class _Device(PeriodicSource):
 class TimedPulses(_Device):
     """v = q n/Δt between the last edges of two samples, each timed to τ: n is exact, R = v² τ²/(6 Δt²) + noise + e².
 
-    q = π D/N at the told diameter. Two channels tell the direction: n has its sign, and is what the wheel turned also where
-    it turned round. True at mid-interval, where the mean speed is the speed up to e = J Δt²/24. After a bound, Δt is what is
-    left of the interval, and R grows by q²/(3 Δt²). The difference of two errors uniform over τ has the variance τ²/6.
-    Source: D (1), with the interval measured instead of assumed.
+    q = π D/N at the told diameter. Two channels tell the direction, so n is signed and counts a reversal correctly. Stamped at
+    mid-interval, where the mean speed equals the speed up to e = J Δt²/24. After a bound, Δt is what is left of the interval,
+    and R grows by q²/(3 Δt²). The difference of two errors uniform over τ has the variance τ²/6. Source: D (1), with the
+    interval measured instead of assumed.
     """
 
     def __init__(self, unit: str, wheel: Wheel, options: DeviceOptions, world: World, from_s: float) -> None:
@@ -118,7 +118,7 @@ class TimedPulses(_Device):
         self._silence = Silence(self._t, self._pitch_m, options.limits)
 
     def sample(self, index: int, t_s: float) -> Measured | None:
-        """The speed between the last edges; a bound where there has been none for long."""
+        """The mean speed between the last edges; a bound where there has been none for long enough."""
         from_s, self._t = self._t, t_s
         edge = None
         for t0, t1 in self._wheel.legs(from_s, t_s):
@@ -138,7 +138,7 @@ class TimedPulses(_Device):
         return self._reading(index, begin_s + 0.5 * dt, speed, variance, dt)
 
     def _last_edge(self, from_s: float, to_s: float) -> tuple[int, float] | None:
-        """Number and time of the last edge that the wheel passes on its way one way; None where it passes none."""
+        """Number and time of the last edge that the wheel passes without turning round; None where it passes none."""
         before, turned = self._pulses, self._wheel.turned(from_s, to_s)
         self._pulses = before + turned
         if math.floor(self._pulses) == math.floor(before):
@@ -160,18 +160,18 @@ class CountedPulses(_Device):
 
     A count of an interval of random phase that holds x pulses errs with variance f(1 - f), f the fraction of x; its mean
     over f is 1/6. σ_j² = jitter²/3: both ends of the interval are off. Successive errors cancel (each end is shared),
-    so that calling them white claims too little rather than too much. A count of none is a bound, whose period may have
-    been shorter by both jitters. Source: D (1).
+    so that calling them white claims too little rather than too much. A count of zero is a bound over the period, which both
+    jitters may have shortened. Source: D (1).
     """
 
     def __init__(self, unit: str, wheel: Wheel, options: DeviceOptions, world: World, from_s: float) -> None:
         super().__init__(unit, wheel, options, world, from_s)
         nominal_s = self._index / options.rate_hz + options.phase_s - self.period_s
-        # each count of none weighs as much as each count of one, or the mean of both would not be the speed
+        # a window for each count of zero: it must weigh as much as a count of one, or their mean would not be the speed
         self._silence = Silence(nominal_s, self._pitch_m, options.limits, self.period_s)
 
     def sample(self, index: int, t_s: float) -> Measured | None:
-        """The speed of the pulses counted in a period; a bound where there were none."""
+        """The speed from the pulses counted in a period; a bound where there were none."""
         before = math.floor(self._pulses)
         self._pulses += self._wheel.turned(self._t, t_s)
         self._t = t_s

@@ -76,9 +76,9 @@ class Odometer(Sensor[OdometerOptions]):
         return (PrivateState("scale", 0.0, self.options.scale_std, noise_psd=self.options.scale_noise_psd),)
 
     def observe(self, reading: Any, belief: Belief | None) -> Sequence[Observed]:
-        """One row; a bound, |v| < b (1 + κ) either way, as v = 0 with the variance that `pulses` says.
+        """One row. A bound |v| < b (1 + κ) is v = 0 with the variance given in `pulses`.
 
-        A window of a device that times edges begins at one, that of a device that counts anywhere.
+        A device that times edges begins a window at one; a device that only counts begins it at any phase.
         """
         if reading.speed_mps is not None:
             scale = self.private_states[0]
