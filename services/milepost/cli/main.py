@@ -9,12 +9,13 @@ from typing import Annotated
 
 import typer
 
-from milepost.config.shipped_files import find_file, names_in
+from milepost.config.shipped_files import find_file
 from milepost.runtime.launch import exit_code
 from milepost.runtime.zenoh_config import DEFAULT_ENDPOINT
 
+from .options import ConnectOption, JsonOption, StateDirOption, TrainOption, complete_scenario, show_versions
+
 DEFAULT_TRAIN = Path("full")
-DISTRIBUTIONS = ("milepost", "milepost-schemas")
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -23,60 +24,13 @@ app = typer.Typer(
 )
 
 
-def _show_versions(asked: bool) -> None:
-    if asked:
-        from importlib.metadata import version
-
-        for distribution in DISTRIBUTIONS:
-            typer.echo(f"{distribution} {version(distribution)}")
-        raise typer.Exit
-
-
-def _train_file(given: Path) -> Path:
-    return find_file(given, "trains")
-
-
-def _complete(kind: str, typed: str) -> list[str]:
-    """Names for the shell; it falls back to file names where there are none."""
-    return [name for name in names_in(kind) if name.startswith(typed)]
-
-
-def _complete_train(incomplete: str) -> list[str]:
-    return _complete("trains", incomplete)
-
-
-def _complete_scenario(incomplete: str) -> list[str]:
-    return _complete("scenarios", incomplete)
-
-
-TrainOption = Annotated[
-    Path,
-    typer.Option(
-        "--train",
-        autocompletion=_complete_train,
-        help="Train file, or the name of one: looked up in ./deploy/trains, then among those shipped with Milepost.",
-    ),
-]
-ConnectOption = Annotated[
-    list[str],
-    typer.Option(
-        "--connect", envvar="MILEPOST_CONNECT", help="Endpoint of the router. Repeat the option to name others for failover."
-    ),
-]
-JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON.")]
-StateDirOption = Annotated[
-    Path | None,
-    typer.Option(
-        "--state-dir", envvar="MILEPOST_STATE_DIR", help="Folder in which filters keep their calibration between runs."
-    ),
-]
 HIDDEN = {"hidden": True}
 
 
 @app.callback()
 def milepost(
     version: Annotated[
-        bool, typer.Option("--version", callback=_show_versions, is_eager=True, help="Show the versions and exit.")
+        bool, typer.Option("--version", callback=show_versions, is_eager=True, help="Show the versions and exit.")
     ] = False,
 ) -> None:
     """Tells a train where it is and how fast it is going, with bounds on both errors."""
@@ -101,7 +55,7 @@ def up(
     """Start a train and show it: a router, and one process for each sensor, each filter, the fuser and the balise service."""
     from .up import UpOptions, run_up
 
-    raise typer.Exit(run_up(UpOptions(_train_file(train), duration, speed, report, headless, listen, state_dir)))
+    raise typer.Exit(run_up(UpOptions(find_file(train, "trains"), duration, speed, report, headless, listen, state_dir)))
 
 
 @app.command()
@@ -144,7 +98,7 @@ def run(
     """Run one process of a train, as compose.yaml does."""
     from .run import run_role
 
-    run_role(role, unit, _train_file(train), connect, listen, config, speed, duration, parent, state_dir)
+    run_role(role, unit, find_file(train, "trains"), connect, listen, config, speed, duration, parent, state_dir)
 
 
 @app.command()
@@ -152,7 +106,7 @@ def evaluate(
     scenario: Annotated[
         Path | None,
         typer.Argument(
-            autocompletion=_complete_scenario,
+            autocompletion=complete_scenario,
             help="Scenario file, or the name of one: looked up in ./deploy/scenarios, then among those shipped with Milepost. "
             "With --all, a folder of scenario files.",
         ),
@@ -200,7 +154,7 @@ def rerun(
     """Run recorded messages through the same nodes, faster than real time."""
     from .rerun import run_rerun
 
-    raise typer.Exit(run_rerun(readings, _train_file(train), out, origin))
+    raise typer.Exit(run_rerun(readings, find_file(train, "trains"), out, origin))
 
 
 @app.command()

@@ -1,0 +1,60 @@
+"""Options that several commands share, `--version`, and the completion of names."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from milepost.config.shipped_files import names_in
+
+DISTRIBUTIONS = ("milepost", "milepost-schemas")
+
+
+def show_versions(asked: bool) -> None:
+    """Print the versions of both distributions and end, if asked to."""
+    if asked:
+        from importlib.metadata import version
+
+        for distribution in DISTRIBUTIONS:
+            typer.echo(f"{distribution} {version(distribution)}")
+        raise typer.Exit
+
+
+def _complete(kind: str, typed: str) -> list[str]:
+    # where this finds none, the shell completes file names
+    return [name for name in names_in(kind) if name.startswith(typed)]
+
+
+def complete_train(incomplete: str) -> list[str]:
+    """The names of trains that begin so."""
+    return _complete("trains", incomplete)
+
+
+def complete_scenario(incomplete: str) -> list[str]:
+    """The names of scenarios that begin so."""
+    return _complete("scenarios", incomplete)
+
+
+TrainOption = Annotated[
+    Path,
+    typer.Option(
+        "--train",
+        autocompletion=complete_train,
+        help="Train file, or the name of one: looked up in ./deploy/trains, then among those shipped with Milepost.",
+    ),
+]
+ConnectOption = Annotated[
+    list[str],
+    typer.Option(
+        "--connect", envvar="MILEPOST_CONNECT", help="Endpoint of the router. Repeat the option to name others for failover."
+    ),
+]
+JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON.")]
+StateDirOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--state-dir", envvar="MILEPOST_STATE_DIR", help="Folder in which filters keep their calibration between runs."
+    ),
+]
