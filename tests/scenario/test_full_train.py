@@ -26,7 +26,9 @@ def test_no_state_of_a_healthy_train_awaits_anybody(journey: Journey) -> None:
 
 def test_a_sliding_wheel_is_excluded_as_sliding_from_the_moment_of_its_event(journey: Journey) -> None:
     (slide,) = (event for event in journey.events if event.code == "wheel_slide")
-    (grips,) = (event for event in journey.events if event.code == "wheel_grips" and event.measured_at_ns > slide.measured_at_ns)
+    (grips,) = (
+        event for event in journey.events if event.code == "wheel_grips" and event.measured_at_ns > slide.measured_at_ns
+    )
     held_back = [ns for ns, s in journey.live.items() if any(e.unit == "odometer-front" for e in s.excluded)]
     reasons = {e.reason for s in journey.live.values() for e in s.excluded if e.unit == "odometer-front"}
     assert reasons <= {"sliding", "contradicts the fused speed"}

@@ -362,6 +362,7 @@ def driven(seed: int, seconds: float, step_s: float) -> list[tuple[float, float,
     return out
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("solution", "std", "step_s", "own"),
     [

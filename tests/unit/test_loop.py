@@ -59,6 +59,7 @@ def test_the_loops_variance_at_20_metres_a_second_is_that_of_the_source() -> Non
     assert variance == pytest.approx(0.1, rel=0.02)
 
 
+@pytest.mark.slow
 def test_the_loops_readings_lie_end_to_end_and_add_up_to_32_centimetres_rms_after_2_kilometres() -> None:
     """√(2000 m / 0.1 m) · 2.24 mm = 0.317 m: a missed or doubled interval would add at least a pitch each."""
     errors = []
@@ -251,6 +252,7 @@ def run(on: World, **options: Any) -> tuple[float, float]:
     return float(e[0]), float(e @ np.linalg.solve(P[:2, :2], e))
 
 
+@pytest.mark.slow
 def test_missed_crossings_cost_no_position_and_the_result_is_as_good_as_it_says() -> None:
     """25 s at 20 m/s, 1 % of 5000 crossings missed: uncorrected 5 m are lost; corrected √5000 · 2.24 mm = 0.16 m remain."""
     runs = [run(world(end_s=25.0, seed=seed, jerk_psd=1e-6), missed_probability=0.01) for seed in range(12)]

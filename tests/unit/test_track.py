@@ -59,6 +59,7 @@ def test_every_vertex_has_the_chainage_of_the_legs_before_it(track: tuple[list[P
         assert line.locate(float(chainage)) == pytest.approx((lat, lon), abs=1e-8)
 
 
+@pytest.mark.slow
 @settings(max_examples=80)
 @given(track=tracks(), part=st.floats(0.0, 1.0))
 def test_projecting_a_located_chainage_gives_it_back(track: tuple[list[Point], list[float]], part: float) -> None:
@@ -166,6 +167,7 @@ def test_a_line_knows_whether_it_comes_near_itself(points: list[Point], near: bo
     assert Track(points).comes_near_itself(20.0, 60.0) is near
 
 
+@pytest.mark.slow
 @settings(max_examples=60)
 @given(
     turns=st.lists(st.floats(-40.0, 110.0), min_size=5, max_size=12), leg_m=st.floats(15.0, 60.0), within=st.floats(5.0, 30.0)

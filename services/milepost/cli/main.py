@@ -13,10 +13,9 @@ from milepost.config.shipped_files import find_file
 from milepost.runtime.launch import exit_code
 from milepost.runtime.zenoh_config import DEFAULT_ENDPOINT
 
-from .options import ConnectOption, JsonOption, StateDirOption, TrainOption, complete_scenario, train_file
+from .options import ConnectOption, JsonOption, StateDirOption, TrainOption, complete_scenario, show_versions
 
 DEFAULT_TRAIN = Path("full")
-DISTRIBUTIONS = ("milepost", "milepost-schemas")
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -25,22 +24,13 @@ app = typer.Typer(
 )
 
 
-def _show_versions(asked: bool) -> None:
-    if asked:
-        from importlib.metadata import version
-
-        for distribution in DISTRIBUTIONS:
-            typer.echo(f"{distribution} {version(distribution)}")
-        raise typer.Exit
-
-
 HIDDEN = {"hidden": True}
 
 
 @app.callback()
 def milepost(
     version: Annotated[
-        bool, typer.Option("--version", callback=_show_versions, is_eager=True, help="Show the versions and exit.")
+        bool, typer.Option("--version", callback=show_versions, is_eager=True, help="Show the versions and exit.")
     ] = False,
 ) -> None:
     """Tells a train where it is and how fast it is going, with bounds on both errors."""
@@ -65,7 +55,7 @@ def up(
     """Start a train and show it: a router, and one process for each sensor, each filter, the fuser and the balise service."""
     from .up import UpOptions, run_up
 
-    raise typer.Exit(run_up(UpOptions(train_file(train), duration, speed, report, headless, listen, state_dir)))
+    raise typer.Exit(run_up(UpOptions(find_file(train, "trains"), duration, speed, report, headless, listen, state_dir)))
 
 
 @app.command()
@@ -108,7 +98,7 @@ def run(
     """Run one process of a train, as compose.yaml does."""
     from .run import run_role
 
-    run_role(role, unit, train_file(train), connect, listen, config, speed, duration, parent, state_dir)
+    run_role(role, unit, find_file(train, "trains"), connect, listen, config, speed, duration, parent, state_dir)
 
 
 @app.command()
@@ -164,7 +154,7 @@ def rerun(
     """Run recorded messages through the same nodes, faster than real time."""
     from .rerun import run_rerun
 
-    raise typer.Exit(run_rerun(readings, train_file(train), out, origin))
+    raise typer.Exit(run_rerun(readings, find_file(train, "trains"), out, origin))
 
 
 @app.command()

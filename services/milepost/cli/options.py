@@ -1,4 +1,4 @@
-"""Options that several commands share, and what the shell completes in them."""
+"""Options that several commands share, `--version`, and the completion of names."""
 
 from __future__ import annotations
 
@@ -7,25 +7,33 @@ from typing import Annotated
 
 import typer
 
-from milepost.config.shipped_files import find_file, names_in
+from milepost.config.shipped_files import names_in
+
+DISTRIBUTIONS = ("milepost", "milepost-schemas")
 
 
-def train_file(given: Path) -> Path:
-    """A train file, by its path or its name. Raises ConfigError."""
-    return find_file(given, "trains")
+def show_versions(asked: bool) -> None:
+    """Print the versions of both distributions and end, if asked to."""
+    if asked:
+        from importlib.metadata import version
+
+        for distribution in DISTRIBUTIONS:
+            typer.echo(f"{distribution} {version(distribution)}")
+        raise typer.Exit
 
 
 def _complete(kind: str, typed: str) -> list[str]:
-    """Names for the shell; it falls back to file names where there are none."""
+    # where this finds none, the shell completes file names
     return [name for name in names_in(kind) if name.startswith(typed)]
 
 
-def _complete_train(incomplete: str) -> list[str]:
+def complete_train(incomplete: str) -> list[str]:
+    """The names of trains that begin so."""
     return _complete("trains", incomplete)
 
 
 def complete_scenario(incomplete: str) -> list[str]:
-    """Names of scenarios for the shell."""
+    """The names of scenarios that begin so."""
     return _complete("scenarios", incomplete)
 
 
@@ -33,7 +41,7 @@ TrainOption = Annotated[
     Path,
     typer.Option(
         "--train",
-        autocompletion=_complete_train,
+        autocompletion=complete_train,
         help="Train file, or the name of one: looked up in ./deploy/trains, then among those shipped with Milepost.",
     ),
 ]
