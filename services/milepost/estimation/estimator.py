@@ -56,6 +56,8 @@ class Estimator:
         self._jerk_psd = jerk_psd
         self._share = share
         self._prior = prior
+        # the last feedback, as it came
+        self._fed: tuple[int, Array, Array] | None = None
         mean, covariance = layout.prior(prior.mean, prior.std)
         kernel = kernels(layout, jerk_psd / share)
         self._timeline = Timeline(kernel, kernel.prior(mean, inflate_common(mean, covariance, share)), horizon_ns)
@@ -102,11 +104,17 @@ class Estimator:
         base_ns, state = self._timeline.base_ns, self.state_at(at_ns)
         if state is not None or base_ns is None:
             return state
-        mean, shared = self.kernel.unpack(self._timeline.state_at(base_ns))
-        fused = replace_common(mean, shared, mean[:N_COMMON], self._share * shared[:N_COMMON, :N_COMMON])[1]
+        mean, fused = self._fused_at(base_ns)
         dt_s = (base_ns - at_ns) * S_PER_NS
         F = full_transition(-dt_s, self.layout)
         return F @ mean, F @ (fused + full_process_noise(dt_s, self._jerk_psd, self.layout)) @ F.T
+
+    def _fused_at(self, base_ns: int) -> tuple[Array, Array]:
+        """The belief at the base with the common block as it was before the share divided it."""
+        if self._fed is not None and self._fed[0] == base_ns:
+            return self._fed[1:]
+        mean, shared = self.kernel.unpack(self._timeline.state_at(base_ns))
+        return replace_common(mean, shared, mean[:N_COMMON], self._share * shared[:N_COMMON, :N_COMMON])
 
     def raw_at(self, at_ns: int) -> Any | None:
         """The belief at a time in the kernel's own form; None where nothing is known."""
@@ -156,6 +164,7 @@ class Estimator:
             self._share = share
             self._timeline.kernel = self._kernels(self.layout, self._jerk_psd / share)
         self._timeline.rebase(at_ns, state)
+        self._fed = (at_ns, np.array(mean), np.array(covariance))
         return True
 
     @property

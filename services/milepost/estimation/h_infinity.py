@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
 from .kalman import ArrayKernel, update
-from .layout import Array
+from .layout import Array, Layout
 
 
 @dataclass(slots=True)
@@ -38,7 +38,6 @@ def bounded_update(x: Array, P: Array, h: Array, z: float, R: float, L: Array, g
     return x, P
 
 
-@dataclass(frozen=True)
 class HInfinityKernel(ArrayKernel):
     """The two steps over a layout, for a timeline; where the filter does not exist the step is the Kalman filter's.
 
@@ -46,9 +45,18 @@ class HInfinityKernel(ArrayKernel):
     state: then P⁻¹ ← P⁻¹ + (1 - γ⁻²) hᵀR⁻¹h, and the filter exists for every γ > 1.
     """
 
-    gamma: float = math.inf
-    combinations: Array | None = None
-    existence: Existence = field(default_factory=Existence, compare=False)
+    def __init__(
+        self,
+        layout: Layout,
+        jerk_psd: float,
+        gamma: float = math.inf,
+        combinations: Array | None = None,
+        existence: Existence | None = None,
+    ) -> None:
+        super().__init__(layout, jerk_psd)
+        self.gamma = gamma
+        self.combinations = combinations
+        self.existence = existence or Existence()
 
     def update(self, state: tuple[Array, Array], row: tuple[float, ...], value: float, variance: float) -> tuple[Array, Array]:
         """The belief after one observation."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -42,16 +41,17 @@ def update(x: Array, P: Array, h: Array, z: float, R: float) -> tuple[Array, Arr
 KEPT_INTERVALS = 256
 
 
-@dataclass(frozen=True)
 class ArrayKernel:
     """The two steps over a layout with private states, as the timeline needs them: opaque states in, opaque states out.
 
-    F and Q are kept by interval: making them costs three times as much as using them.
+    F and Q are kept by interval: making them costs three times as much as using them. A kernel is made with every feedback
+    that brings another share, so making one costs next to nothing.
     """
 
-    layout: Layout
-    jerk_psd: float
-    _steps: dict[float, tuple[Array, Array]] = field(default_factory=dict, repr=False, compare=False)
+    def __init__(self, layout: Layout, jerk_psd: float) -> None:
+        self.layout = layout
+        self.jerk_psd = jerk_psd
+        self._steps: dict[float, tuple[Array, Array]] = {}
 
     def pack(self, mean: Array, covariance: Array) -> tuple[Array, Array]:
         """A belief in the kernel's own form."""

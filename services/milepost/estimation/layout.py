@@ -36,7 +36,7 @@ class Layout:
     """The order of all states: [s, v, a, block of unit 1, block of unit 2, ...].
 
     `private`: all private states, in order; `dimension` n; `names`: the common ones, then `unit.state`; `indices`: for each
-    unit with a block, the places of [s, v, a, its own].
+    unit with a block, the places of [s, v, a, its own]; `identity` (n, n).
     """
 
     blocks: tuple[tuple[str, tuple[PrivateState, ...]], ...] = ()
@@ -44,6 +44,7 @@ class Layout:
     dimension: int = field(init=False, repr=False, compare=False)
     names: list[str] = field(init=False, repr=False, compare=False)
     indices: dict[str, tuple[int, ...]] = field(init=False, repr=False, compare=False)
+    identity: Array = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         places: dict[str, tuple[int, ...]] = {}
@@ -54,6 +55,7 @@ class Layout:
         object.__setattr__(self, "private", tuple(state for _, states in self.blocks for state in states))
         object.__setattr__(self, "dimension", len(names))
         object.__setattr__(self, "names", names)
+        object.__setattr__(self, "identity", np.eye(len(names)))
         object.__setattr__(self, "indices", places)
 
     def only(self, units: Iterable[str]) -> Layout:
