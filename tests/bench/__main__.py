@@ -11,7 +11,7 @@ import sys
 import numpy as np
 
 from .live import WINDOW_S, measure_full_load, measure_raw, measure_startup, measure_train
-from .steps import measure_nodes, measure_offline, measure_steps
+from .steps import OFFLINE, measure_nodes, measure_offline, measure_steps
 
 STARTS = 5
 
@@ -29,7 +29,7 @@ def main() -> None:
     say("steps ...")
     found: dict = {"steps_us": measure_steps(), "nodes_us": measure_nodes()}
     say("offline speed ...")
-    found["offline_x_real_time"] = measure_offline()
+    found["offline_x_real_time"] = {name: measure_offline(path) for name, path in OFFLINE.items()}
     pairs = []
     for number in range(0 if options.offline_only else options.pairs):
         say(f"live latency, pair {number + 1} of {options.pairs} ...")
