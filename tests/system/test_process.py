@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
+import re
 import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import psutil
 
@@ -37,6 +40,7 @@ with open_session(client([sys.argv[1]])) as session:
 
 
 MAGLEV = "deploy/trains/maglev.yaml"
+ROUTER_FILE = Path(__file__).resolve().parents[2] / "deploy/zenoh/router.json5"
 
 
 def spawn(router: str, *arguments: str) -> subprocess.Popen:
@@ -121,3 +125,20 @@ def test_ctrl_c_ends_everything_and_leaves_nothing_behind():
     stack.process.send_signal(signal.SIGINT)
     assert stack.process.wait(8.0) == 0
     assert not [child for child in children if child.is_running() and child.status() != psutil.STATUS_ZOMBIE]
+
+
+def test_a_router_runs_from_a_configuration_file(tmp_path):
+    """The file that compose.yaml names, on a free port of this machine."""
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    file = tmp_path / "router.json5"
+    file.write_text(re.sub(r"tcp/[^\"']+", endpoint, ROUTER_FILE.read_text(encoding="utf-8")), encoding="utf-8")
+    command = [sys.executable, "-m", "milepost", "run", "router", "--config", str(file)]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
+        try:
+            assert process.stderr is not None
+            assert f"listening on {endpoint}" in process.stderr.readline()
+            with contextlib.closing(Outside(endpoint)) as outside:
+                assert outside.session.zid()
+        finally:
+            process.terminate()
+        assert process.wait(5) == 0

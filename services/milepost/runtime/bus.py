@@ -85,15 +85,17 @@ def open_session(config: dict[str, Any]) -> Iterator[Any]:
 
 def _open(config: dict[str, Any]) -> Any:
     """Open a session; a client without a time limit says that it waits. Raises NoRouterError."""
-    endpoints = ", ".join((config.get("connect") or config.get("listen") or {}).get("endpoints", []))
+    # a router's file, once read, has every option of Zenoh's, those of clients too
+    client = config.get("mode") == "client"
+    endpoints = ", ".join(config.get("connect" if client else "listen", {}).get("endpoints", []))
     waiting = threading.Timer(SAY_WAITING_AFTER_S, log.warning, (f"no router at {endpoints} yet: {HOW_TO_START}",))
     waiting.daemon = True
-    if config.get("connect", {}).get("timeout_ms", 0) < 0:
+    if client and config["connect"]["timeout_ms"] < 0:
         waiting.start()
     try:
         return zenoh.open(zenoh.Config.from_json5(json.dumps(config)))
     except zenoh.ZError as error:
-        what = f"no router at {endpoints}: {HOW_TO_START}" if "connect" in config else f"cannot listen on {endpoints}"
+        what = f"no router at {endpoints}: {HOW_TO_START}" if client else f"cannot listen on {endpoints}"
         raise NoRouterError(f"{what} ({_first_line(error)})") from error
     finally:
         waiting.cancel()
