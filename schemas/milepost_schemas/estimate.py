@@ -31,7 +31,8 @@ class JudgedReading(Part):
     """A reading as the sensor stated it, for whoever linearises and judges it anew, and the filter's own judgement.
 
     `fields` are the reading's own, by the schema of the unit's sensor. `rows`: how many of the estimate's observations, by
-    component from 0, are this reading's. `counts`: whether the filter lets it count; `why` not, where it does not.
+    component from 0, are this reading's. `counts`: whether the filter lets it count; `why` not, where it does not; `gating`:
+    whether it lets none count for the time being.
     """
 
     sensor_instance: Name
@@ -41,6 +42,7 @@ class JudgedReading(Part):
     rows: Count
     counts: bool
     why: str | None = None
+    gating: bool = False
 
 
 class Estimate(Message):

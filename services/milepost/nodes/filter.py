@@ -133,7 +133,8 @@ class FilterNode(Node):
         self._latest_ns = max(self._latest_ns, reading.measured_at_ns)
         state = self._estimator.lists_at(self._latest_ns)
         if self._states_readings:
-            self._unsent.append(as_judged(reading, len(observed), self._observer.refused))
+            observer = self._observer
+            self._unsent.append(as_judged(reading, len(observed), observer.refused, observer.gating is not None))
         # what is refused before anything is believed waits for the first belief
         return None if state is None else self._estimate(counted, *state, now_ns), refused
 

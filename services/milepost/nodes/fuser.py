@@ -121,6 +121,8 @@ class FuserNode(Node):
         for observation, reason in zip(observations, reasons, strict=False):
             yield from self._noted(observation, reason, now_ns)
         taken = {o.measured_at_ns for o, reason in zip(observations, reasons, strict=False) if reason is None}
+        if judge is None:
+            taken |= {reading.measured_at_ns for reading in estimate.readings if not reading.counts}
         self._note_judgements(estimate, [row for row in rows if row.measured_at_ns in taken], taken)
 
     def _note_judgements(self, estimate: Estimate, rows: list[Observation], taken: set[int]) -> None:
@@ -130,7 +132,7 @@ class FuserNode(Node):
             if reading.measured_at_ns in taken and reading.counts:
                 self._roster.counted(unit, reading.measured_at_ns)
             elif reading.measured_at_ns in taken and reading.why is not None:
-                self._roster.refused(unit, reading.measured_at_ns, reading.why)
+                self._roster.refused(unit, reading.measured_at_ns, reading.why, reading.gating)
         for row in rows:
             self._roster.informed(unit, row)
             if row.measured_at_ns not in judged:

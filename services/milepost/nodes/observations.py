@@ -59,7 +59,7 @@ def whole_readings(estimate: Estimate, order: int, message: type[Message]) -> li
     return out + [o for o in rows if o.component >= RESTORED_COMPONENT or (o.instance, o.sequence) not in stated]
 
 
-def as_judged(reading: Message, rows: int, why: str | None) -> dict[str, Any]:
+def as_judged(reading: Message, rows: int, why: str | None, gating: bool = False) -> dict[str, Any]:
     """A reading and its filter's judgement as the fields of a JudgedReading."""
     return {
         "sensor_instance": reading.instance,
@@ -69,6 +69,7 @@ def as_judged(reading: Message, rows: int, why: str | None) -> dict[str, Any]:
         "rows": rows,
         "counts": rows > 0,
         "why": why,
+        "gating": gating,
     }
 
 

@@ -36,11 +36,14 @@ class UnitRow:
 
 @dataclass(slots=True)
 class _Unit:
-    """What is known of a unit: `times` of what counted, `refusals` (time, why), the h²/R of [s, v, a] of recent rows."""
+    """What is known of a unit.
+
+    `times` of what counted; `refusals` (time, why, whether gating); `recent` h²/R of [s, v, a] of rows at `recent_ns`.
+    """
 
     row: UnitRow
     times: list[int] = field(default_factory=list)
-    refusals: list[tuple[int, str]] = field(default_factory=list)
+    refusals: list[tuple[int, str, bool]] = field(default_factory=list)
     recent_ns: list[int] = field(default_factory=list)
     recent: tuple[list[float], list[float], list[float]] = field(default_factory=lambda: ([], [], []))
     arrived_ns: int = 0
@@ -59,10 +62,12 @@ class _Unit:
         place = bisect_right(self.times, at_ns)
         counted_ns = self.times[place - 1] if place else None
         place = bisect_right(self.refusals, at_ns, key=_time)
-        heard_ns, why = self.refusals[place - 1] if place else (None, None)
-        if heard_ns is None or (counted_ns is not None and counted_ns >= heard_ns):
+        if not place:
             return Verdict(None, counted_ns, counted_ns)
-        return Verdict(None, heard_ns, counted_ns, None, why)
+        heard_ns, why, gating = self.refusals[place - 1]
+        if counted_ns is not None and counted_ns >= heard_ns:
+            return Verdict(None, counted_ns, counted_ns)
+        return Verdict(None, heard_ns, counted_ns, why if gating else None, why)
 
     def information(self, at_ns: int, variances: Sequence[float]) -> float:
         """J = Σ h P hᵀ/R over the window, for a second of it."""
@@ -82,7 +87,7 @@ class _Unit:
             del column[:place]
 
 
-def _time(entry: tuple[int, str]) -> int:
+def _time(entry: tuple[int, str, bool]) -> int:
     return entry[0]
 
 
@@ -119,10 +124,10 @@ class Roster:
         if len(known.times) > 2 * KEPT_TIMES:
             del known.times[:KEPT_TIMES]
 
-    def refused(self, unit: str, measured_at_ns: int, why: str) -> None:
-        """A unit's filter let a reading not count."""
+    def refused(self, unit: str, measured_at_ns: int, why: str, gating: bool = False) -> None:
+        """A unit's filter let a reading not count; `gating`: nor any other for the time being."""
         known = self._units[unit]
-        insort(known.refusals, (measured_at_ns, why))
+        insort(known.refusals, (measured_at_ns, why, gating))
         if len(known.refusals) > 2 * KEPT_TIMES:
             del known.refusals[:KEPT_TIMES]
 
