@@ -236,7 +236,7 @@ def test_a_mistake_that_a_worker_finds_is_still_one_line(tmp_path):
         ({"claims": [{**TINY["claims"][0], "key": "distance"}]}, "claims.0.key: distance is neither"),
         ({"claims": [{**TINY["claims"][0], "ours": "nobody"}]}, "claims.0.ours: nobody is not among"),
         ({"claims": [{**TINY["claims"][0], "variant": "v"}]}, "claims.0.variant: v is not among"),
-        ({"claims": [{**TINY["claims"][0], "at_least": 1.0}]}, "claims.0: give either at_most or at_least"),
+        ({"claims": [{**TINY["claims"][0], "at_least": 1.0}]}, "claims.0: either at_most or at_least is required, not both"),
     ],
     ids=lambda value: value[:40] if isinstance(value, str) else "",
 )

@@ -123,12 +123,12 @@ def test_a_world_file_s_creep_is_built_as_written() -> None:
         ({"adhesion": {"wet": 0.1}}, "Extra"),
     ],
 )
-def test_a_mistake_in_creep_is_said(content: dict[str, Any], says: str) -> None:
+def test_a_mistake_in_creep_is_reported(content: dict[str, Any], says: str) -> None:
     with pytest.raises(ValidationError, match=says):
         CreepFile.model_validate(content)
 
 
-def test_a_creep_event_of_a_unit_that_is_not_there_is_a_mistake() -> None:
+def test_a_creep_event_of_an_unknown_unit_is_a_mistake() -> None:
     event = {"from_s": 1.0, "to_s": 3.0, "ratio": 0.1, "units": ["nobody"]}
     with pytest.raises(ConfigError, match=r"world\.creep\.events\.0\.units: nobody is not a unit"):
         load_train(TRAINS / "maglev.yaml", {"world": {"creep": {"events": [event]}}})

@@ -45,7 +45,7 @@ class Refusals:
 
 
 class Node:
-    """A process: step(message) -> messages. It uses no Zenoh and no wall clock: `now_ns` is the time of receipt, or of the tick."""
+    """A process: step(message) -> messages, without Zenoh or a wall clock: `now_ns` is the time of receipt or of the tick."""
 
     subscriptions: Sequence[Subscription] = ()
     # whether it answers `latest_feedback`, and asks for it after a restart
