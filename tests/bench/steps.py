@@ -24,6 +24,7 @@ from milepost_schemas import decode, encode
 DT, Q, R = 0.01, 1e-6, 0.04
 ROW = (0.0, 1.0, 0.0)
 TRAIN = Path("deploy/trains/maglev.yaml")
+OFFLINE = {name: Path(f"deploy/trains/{name}.yaml") for name in ("full", "maglev")}
 
 
 def microseconds(call: Callable[[], object], number: int, rounds: int = 5) -> float:
@@ -148,9 +149,9 @@ def measure_nodes() -> dict[str, float]:
     return out
 
 
-def measure_offline() -> float:
-    """Offline speed of the default train, × real time: median of three runs of 30 s."""
-    train = load_train(TRAIN)
+def measure_offline(train_file: Path) -> float:
+    """Offline speed of a train, × real time: median of three runs of 30 s."""
+    train = load_train(train_file)
     speeds = []
     for _ in range(3):
         begun = timeit.default_timer()

@@ -107,3 +107,15 @@ def test_whoever_asks_is_told_each_time_before_a_step() -> None:
     bus.inject("event", "", said("x"), 3)
     bus.run_until(100)
     assert times == [3, 11, 22]
+
+
+def test_what_wakes_nobody_waits_for_the_next_message_and_only_the_newest_counts() -> None:
+    heard: Heard = []
+    listener = Listener("a", heard, [Subscription("speed_reading"), Subscription("feedback", newest_only=True)])
+    bus = MemoryBus([listener])
+    bus.inject("feedback", "", said("old"), 1)
+    bus.inject("feedback", "", said("new"), 2)
+    assert heard == []
+    bus.inject("speed_reading", "radar", said("reading"), 3)
+    bus.inject("speed_reading", "radar", said("another"), 4)
+    assert heard == [("a", "new", 3), ("a", "reading", 3), ("a", "another", 4)]

@@ -202,7 +202,7 @@ def test_units_differ_by_the_prior_of_their_scale() -> None:
 
 
 def test_a_given_scale_is_the_scale() -> None:
-    said = readings("doppler_radar", world(end_s=0.05), speed_variance_m2ps2=QUIET, true_scale=0.002)
+    said = readings("doppler_radar", world(end_s=0.05), speed_variance_m2ps2=QUIET, simulated={"scale": 0.002})
     assert shown(said) == pytest.approx(20.0 / 1.002)
 
 

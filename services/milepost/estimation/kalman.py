@@ -24,7 +24,8 @@ def update(x: Array, P: Array, h: Array, z: float, R: float) -> tuple[Array, Arr
     """Take one scalar observation z = h x + e, e ~ N(0, R), into a belief.
 
     K = P h / (h P hᵀ + R); x ← x + K (z - h x); P ← (I - K h) P (I - K h)ᵀ + K R Kᵀ (Joseph's form, which stays
-    symmetric and positive semi-definite under rounding), written as two rank-1 steps.
+    symmetric and positive semi-definite under rounding), written as two rank-1 steps. Rejected: P - (M + Mᵀ) with
+    M = K (g - s K/2)ᵀ, the same in four calls less: with P 1e8 times R, as before a first reading, it loses definiteness.
     x (n), P (n, n), h (n), z and R scalar, R > 0. Source: A (4), (5), (7).
     """
     g = P @ h

@@ -55,6 +55,9 @@ class FilterNode(Node):
         self._names = local.estimator.layout.names
         self._latest_ns = 0
         self._feedback: Feedback | None = None
+        # where the own states stand in feedback, and of which states that was found out
+        self._layout_told: list[str] = []
+        self._places: list[int] = []
 
     @property
     def rewinds(self) -> int:
@@ -179,12 +182,15 @@ class FilterNode(Node):
         states = feedback.fused.states
         # a rule that does not fuse private states sends only the common ones
         names = self._names if len(states) > N_COMMON else self._names[:N_COMMON]
-        if not set(names) <= set(states):
+        if self._layout_told != states:
+            self._layout_told, self._places = states, [states.index(name) for name in names if name in states]
+        places = self._places
+        if len(places) < len(names):
             yield from self.refuse("other_layout", f"feedback lacks one of {', '.join(names)}", now_ns)
             return
-        places = [states.index(name) for name in names]
         mean = [feedback.fused.mean[i] for i in places]
-        covariance = [[feedback.fused.covariance[i][k] for k in places] for i in places]
+        rows = [feedback.fused.covariance[i] for i in places]
+        covariance = [[row[k] for k in places] for row in rows]
         variances = [row[i] for i, row in enumerate(covariance)]
         try:
             if max(map(abs, mean)) > FARTHEST_MEAN or max(variances) > LARGEST_VARIANCE or min(variances[:N_COMMON]) <= 0.0:

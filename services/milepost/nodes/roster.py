@@ -47,13 +47,12 @@ class _Unit:
     punctual: bool = True
     gone: set[str] = field(default_factory=set)
 
-    @property
-    def window_ns(self) -> int:
-        return max(WINDOW_NS, 2 * (self.row.period_ns or 0))
+    window_ns: int = field(init=False)
+    stale_ns: int = field(init=False)
 
-    @property
-    def stale_ns(self) -> int:
-        return max(STALE_NS, 3 * (self.row.period_ns or 0))
+    def __post_init__(self) -> None:
+        period_ns = self.row.period_ns or 0
+        self.window_ns, self.stale_ns = max(WINDOW_NS, 2 * period_ns), max(STALE_NS, 3 * period_ns)
 
     def verdict_at(self, at_ns: int) -> Verdict:
         """The verdict by the filter's judgements: the last reading that counts, and the last refusal after it."""
@@ -69,7 +68,9 @@ class _Unit:
         """The information J = Σ h P hᵀ/R over the window, per second."""
         window_ns = self.window_ns
         first, last = bisect_right(self.recent_ns, at_ns - window_ns), bisect_right(self.recent_ns, at_ns)
-        total = sum(P * sum(column[first:last]) for P, column in zip(variances, self.recent, strict=True))
+        s, v, a = self.recent
+        P_ss, P_vv, P_aa = variances
+        total = P_ss * sum(s[first:last]) + P_vv * sum(v[first:last]) + P_aa * sum(a[first:last])
         return total * WINDOW_NS / window_ns
 
     def forget(self, before_ns: int) -> None:

@@ -11,20 +11,29 @@ from milepost.recordings.measured import Measured, Source
 from milepost.simulation.motion import when_at
 from milepost.simulation.noise import WhiteNoise
 
-from .base import Belief, Observed, Sensor, SensorOptions, World
+from .base import Belief, Observed, Sensor, SensorOptions, Simulated, World, as_simulated
 
 LOOK_AHEAD_S = 1.0
+
+
+class SimulatedReader(Simulated):
+    """What the simulated reader really does."""
+
+    read_std_m: Annotated[float, Field(ge=0.0)] | None = None
+    latency_s: Annotated[float, Field(ge=0.0, le=10.0)] | None = None
 
 
 class BaliseReaderOptions(SensorOptions):
     """`read_std_m`: how far from the balise's middle the passage is stamped; `latency_s`: from passage to telegram.
 
-    RAIL.md's priors for a reader are 2 cm and 10 ms.
+    RAIL.md's priors for a reader are 2 cm and 10 ms. `simulated`: what the simulated reader really does, where that differs
+    from what it states.
     """
 
     filter: None = None
     read_std_m: Annotated[float, Field(gt=0.0)] = 0.02
     latency_s: Annotated[float, Field(ge=0.0, le=1.0)] = 0.01
+    simulated: SimulatedReader = Field(default_factory=SimulatedReader)
 
 
 class BaliseReader(Sensor[BaliseReaderOptions]):
@@ -48,10 +57,11 @@ class _Simulated:
     """Looks ahead along the motion a second at a time for the next passage."""
 
     def __init__(self, unit: str, options: BaliseReaderOptions, world: World, from_s: float) -> None:
-        self._world, self._options = world, options
+        self._world, self._options = world, as_simulated(options, options.simulated)
+        self._stated_variance = options.read_std_m**2
         self._noise = WhiteNoise(world.seed, unit)
         # a balise just behind may be heard late: whoever begins over it must not lose it
-        behind = world.motion.at(from_s)[0] - 10.0 * options.read_std_m
+        behind = world.motion.at(from_s)[0] - 10.0 * self._options.read_std_m
         self._next = next((i for i, b in enumerate(world.line.balises) if b.position_m > behind), len(world.line.balises))
         self._searched_s = from_s
         self._passage_s: float | None = None
@@ -85,4 +95,4 @@ class _Simulated:
             return None
         passage, balise = self._passage_s, self._world.line.balises[self._next]
         self._next, self._passage_s, self._searched_s = self._next + 1, None, passage
-        return Measured(passage, {"balise_id": balise.balise_id, "reader_variance_m2": self._options.read_std_m**2})
+        return Measured(passage, {"balise_id": balise.balise_id, "reader_variance_m2": self._stated_variance})

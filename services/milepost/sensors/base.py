@@ -34,6 +34,20 @@ class SensorOptions(BaseModel):
     withhold_s: list[Span] = Field(default_factory=list, description="spans [from, to) of scenario time without readings")
 
 
+class Simulated(BaseModel):
+    """What the simulated device really does, in a unit's `simulated` block; what is not given is as the filter believes."""
+
+    model_config = STRICT
+
+
+D = TypeVar("D", bound=SensorOptions)
+
+
+def as_simulated(options: D, simulated: Simulated) -> D:
+    """A unit's options with those of its `simulated` block in their place."""
+    return options.model_copy(update=simulated.model_dump(exclude_none=True))
+
+
 class Belief(NamedTuple):
     """What a unit's filter believes where a reading is true: mean (n), covariance (n, n) over [s, v, a, own private]."""
 

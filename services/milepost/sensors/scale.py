@@ -19,13 +19,11 @@ class ScaleOptions(SensorOptions):
     """A sensor that may be off by an unknown scale κ; with `scale_std: 0` the filter is not told of any.
 
     κ is constant, a random walk (`scale_noise_psd`, 1/s) or first-order Markov about 0 (`scale_time_constant_s`).
-    `true_scale`: κ of the simulated device, constant; null: drawn from the prior, and moving as the filter is told.
     """
 
     scale_std: Annotated[float, Field(ge=0.0, le=0.3)] = 0.0
     scale_time_constant_s: Annotated[float, Field(gt=0.0)] | None = None
     scale_noise_psd: Annotated[float, Field(ge=0.0)] = 0.0
-    true_scale: Annotated[float, Field(gt=-0.5, lt=1.0)] | None = None
 
     @model_validator(mode="after")
     def _one_kind_of_motion(self) -> ScaleOptions:
@@ -45,13 +43,13 @@ class ScaleOptions(SensorOptions):
 
 
 class TrueScale:
-    """The simulated κ at each reading, `step_s` apart."""
+    """The simulated κ at each reading, `step_s` apart: `constant`, or drawn from the prior and moving as it says."""
 
-    def __init__(self, unit: str, options: ScaleOptions, world: World, step_s: float) -> None:
+    def __init__(self, unit: str, options: ScaleOptions, constant: float | None, world: World, step_s: float) -> None:
         state = options.scale
         self._moving: MarkovNoise | WalkNoise | None = None
-        self._constant, self._size = options.true_scale or 0.0, 0.0
-        if options.true_scale is not None or state is None:
+        self._constant, self._size = constant or 0.0, 0.0
+        if constant is not None or state is None:
             return
         label = f"{unit}.{state.name}"
         if options.scale_time_constant_s is not None:

@@ -13,7 +13,7 @@ from milepost.recordings.measured import Measured, Source
 from milepost.simulation.noise import MarkovNoise, WhiteNoise
 from milepost_schemas import InertialReading
 
-from ..base import Belief, Observed, Observer, PeriodicSource, Sensor, SensorOptions, World
+from ..base import Belief, Observed, Observer, PeriodicSource, Sensor, SensorOptions, Simulated, World, as_simulated
 from .learned_error import InertialErrorModel
 from .learning import LearningUnit, LearnOptions
 
@@ -23,6 +23,17 @@ NonNegative = Annotated[float, Field(ge=0.0)]
 Positive = Annotated[float, Field(gt=0.0)]
 
 
+class SimulatedImu(Simulated):
+    """What the simulated unit really does."""
+
+    noise_density_mps2_rthz: NonNegative | None = None
+    bias_std_mps2: NonNegative | None = None
+    bias_time_constant_s: Positive | None = None
+    turn_noise_density_radps_rthz: NonNegative | None = None
+    turn_bias_std_radps: NonNegative | None = None
+    pitch_rad_per_mps2: NonNegative | None = None
+
+
 class ImuOptions(SensorOptions):
     """RAIL.md's MEMS unit by default.
 
@@ -30,7 +41,8 @@ class ImuOptions(SensorOptions):
     first-order Markov bias with `bias_time_constant_s`; `bias_std_mps2: 0` makes a unit without a bias and without that
     private state. `pitch_rad_per_mps2`: how far the body's nose rises under acceleration. `model_bias: false` keeps the
     simulated bias from the filter, as sources without a bias state have it. `learn`: the error is learned while the fused
-    state is good, and taken off (see `learning`).
+    state is good, and taken off (see `learning`). `simulated`: what the simulated unit really does, where that differs from
+    what the filter believes.
     """
 
     rate_hz: Annotated[float, Field(gt=0.0, le=400.0)] = 20.0
@@ -42,6 +54,7 @@ class ImuOptions(SensorOptions):
     pitch_rad_per_mps2: NonNegative = 0.0
     model_bias: bool = True
     learn: LearnOptions | None = None
+    simulated: SimulatedImu = Field(default_factory=SimulatedImu)
 
     @model_validator(mode="after")
     def _one_stands_for_the_bias(self) -> ImuOptions:
@@ -116,7 +129,7 @@ class Imu(Sensor[ImuOptions]):
     def open(self, world: World | None, from_s: float) -> Source:
         """Simulated readings of the world's motion on the line's gradient and curves."""
         world = self.needed(world)
-        return _Simulated(self.unit, self.options, world, from_s)
+        return _Simulated(self.unit, as_simulated(self.options, self.options.simulated), world, from_s)
 
 
 class _Simulated(PeriodicSource):

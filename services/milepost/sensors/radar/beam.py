@@ -12,7 +12,7 @@ from milepost.estimation.layout import PrivateState
 from milepost.recordings.options import Span
 from milepost.simulation.noise import MarkovNoise, WhiteNoise
 
-from ..base import Belief, Observed, Sensor, World
+from ..base import Belief, Observed, Sensor, Simulated, World, as_simulated
 from ..scale import ScaleOptions, TrueScale, scaled_speed
 from .dropouts import Dropouts, within
 
@@ -20,6 +20,23 @@ NonNegative = Annotated[float, Field(ge=0.0)]
 Positive = Annotated[float, Field(gt=0.0)]
 # a sign is known when the other one is this many times (e^2x, 1 in 2000) less likely
 DECIDED = 3.8
+
+
+NoiseRatio = Annotated[float, Field(ge=0.0, le=0.2)]
+Pitch = Annotated[float, Field(ge=-10.0, le=10.0)]
+PitchStd = Annotated[float, Field(ge=0.0, le=5.0)]
+
+
+class SimulatedRadar(Simulated):
+    """What the simulated radar really does. `scale` κ: constant; otherwise it is drawn from the prior."""
+
+    scale: Annotated[float, Field(gt=-0.5, lt=1.0)] | None = None
+    speed_variance_m2ps2: Positive | None = None
+    noise_ratio: NoiseRatio | None = None
+    mounting_pitch_deg: Pitch | None = None
+    body_pitch_std_deg: PitchStd | None = None
+    vertical_speed_std_mps: NonNegative | None = None
+    body_time_constant_s: Positive | None = None
 
 
 class RadarOptions(ScaleOptions):
@@ -30,15 +47,16 @@ class RadarOptions(ScaleOptions):
     Below `dead_zone_mps` (devices: 0.05 to 0.3) the device says nothing, and no bound either: it takes a slow echo for a
     standing one, and no echo, on water, for the same; a bound would be false at any speed there.
     `dropout_rate_hz`, `dropout_mean_s`: stretches without echo (water, snow); `dropout_spans_m`: places without.
-    `signed: false`: it hears |v| alone.
+    `signed: false`: it hears |v| alone. `simulated`: what the simulated radar really does, where that differs from what the
+    device states and the filter believes.
     """
 
     rate_hz: Annotated[float, Field(gt=0.0, le=1000.0)] = 100.0
     speed_variance_m2ps2: Positive = 0.04
-    noise_ratio: Annotated[float, Field(ge=0.0, le=0.2)] = 0.0
+    noise_ratio: NoiseRatio = 0.0
     beam_angle_deg: Annotated[float, Field(ge=10.0, le=80.0)] = 45.0
-    mounting_pitch_deg: Annotated[float, Field(ge=-10.0, le=10.0)] = 0.0
-    body_pitch_std_deg: Annotated[float, Field(ge=0.0, le=5.0)] = 0.0
+    mounting_pitch_deg: Pitch = 0.0
+    body_pitch_std_deg: PitchStd = 0.0
     vertical_speed_std_mps: NonNegative = 0.0
     body_time_constant_s: Positive = 0.2
     dead_zone_mps: NonNegative = 0.0
@@ -46,6 +64,12 @@ class RadarOptions(ScaleOptions):
     dropout_mean_s: Positive = 2.0
     dropout_spans_m: list[Span] = Field(default_factory=list)
     signed: bool = True
+    simulated: SimulatedRadar = Field(default_factory=SimulatedRadar)
+
+    @property
+    def really(self) -> RadarOptions:
+        """The options of the simulated radar as it really is."""
+        return as_simulated(self, self.simulated)
 
     @property
     def angle_rad(self) -> float:
@@ -112,7 +136,8 @@ class Beam:
         self._angle, self._forward = options.angle_rad, forward
         self._noise = WhiteNoise(world.seed, label)
         self._dropouts = Dropouts(world.seed, label, options.dropout_rate_hz, options.dropout_mean_s)
-        self._variance, self._ratio = options.speed_variance_m2ps2, options.noise_ratio
+        self._stated = (options.speed_variance_m2ps2, options.noise_ratio)
+        self._really = (options.really.speed_variance_m2ps2, options.really.noise_ratio)
         self._pitch = 0.0
         self._gains = beam_gains(0.0, self._angle, forward)
 
@@ -121,14 +146,18 @@ class Beam:
         return not self._dropouts.at(t_s)
 
     def show(self, index: int, v: float, w: float, pitch_rad: float, scale: float) -> tuple[float, float]:
-        """The speed that it shows, z = (beam speed)/(1 + κ) + e, and R of its white noise e.
+        """The speed that it shows, z = (beam speed)/(1 + κ) + e, and the R that it states of its white noise e.
 
         The device knows R from the width of the Doppler spectrum: stated from z it would favour readings that are too low.
         """
         if pitch_rad != self._pitch:
             self._pitch, self._gains = pitch_rad, beam_gains(pitch_rad, self._angle, self._forward)
-        R = self._variance + (self._ratio * v) ** 2
-        return (v * self._gains[0] + w * self._gains[1]) / (1.0 + scale) + R**0.5 * self._noise[index], R
+        shown = (v * self._gains[0] + w * self._gains[1]) / (1.0 + scale)
+        return shown + _variance(*self._really, v) ** 0.5 * self._noise[index], _variance(*self._stated, v)
+
+
+def _variance(R: float, ratio: float, v: float) -> float:
+    return R + (ratio * v) ** 2
 
 
 class Radar:
@@ -136,8 +165,8 @@ class Radar:
 
     def __init__(self, unit: str, options: RadarOptions, world: World) -> None:
         self._motion, self._options = world.motion, options
-        self._body = Body(unit, options, world)
-        self._scale = TrueScale(unit, options, world, 1.0 / options.rate_hz)
+        self._body = Body(unit, options.really, world)
+        self._scale = TrueScale(unit, options, options.simulated.scale, world, 1.0 / options.rate_hz)
 
     def at(self, index: int, t_s: float) -> tuple[float, float, float, float] | None:
         """(speed, vertical speed, pitch, scale) at a reading; None where the radar can say nothing."""

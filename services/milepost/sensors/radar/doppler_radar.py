@@ -32,7 +32,7 @@ class _Simulated(PeriodicSource):
         super().__init__(1.0 / options.rate_hz, from_s, world.motion.end_s)
         self._radar = Radar(unit, options, world)
         self._beam = Beam(unit, options, world, forward=True)
-        self._mounting = options.mounting_pitch_rad
+        self._mounting = options.really.mounting_pitch_rad
         self._leak = options.leak_variance
 
     def sample(self, index: int, t_s: float) -> Measured | None:

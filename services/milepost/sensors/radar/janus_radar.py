@@ -39,11 +39,12 @@ class _Simulated(PeriodicSource):
     def __init__(self, unit: str, options: JanusRadarOptions, world: World, from_s: float) -> None:
         super().__init__(1.0 / options.rate_hz, from_s, world.motion.end_s)
         self._radar = Radar(unit, options, world)
-        self._mounting = options.mounting_pitch_rad
+        self._mounting = options.really.mounting_pitch_rad
         self._leak = options.leak_variance
-        # each beam with the gain of its mounting, which one beam alone is divided by
+        believed = options.mounting_pitch_rad, options.angle_rad
+        # each beam with the gain of the mounting that the device believes in, by which one beam alone is divided
         self._beams = [
-            (Beam(f"{unit}.{name}", options, world, forward), beam_speed(1.0, 0.0, self._mounting, options.angle_rad, forward))
+            (Beam(f"{unit}.{name}", options, world, forward), beam_speed(1.0, 0.0, *believed, forward))
             for name, forward in (("forward", True), ("backward", False))
         ]
 
