@@ -62,7 +62,7 @@ def test_a_tunnel_begins_with_its_first_metre_and_ends_before_its_last(tmp_path:
         ({"path_csv": "empty.csv"}, "path_csv", "two points"),
     ],
 )
-def test_a_mistake_in_a_profile_or_path_names_its_field(tmp_path: Path, change: dict[str, Any], field: str, says: str) -> None:
+def test_a_mistake_in_a_profile_or_path_names_the_field(tmp_path: Path, change: dict[str, Any], field: str, says: str) -> None:
     head = "ecef_x_m,ecef_y_m,ecef_z_m\n"
     (tmp_path / "bad.csv").write_text("ecef_x_m,ecef_z_m\n6378137,0\n")
     (tmp_path / "text.csv").write_text(head + "6378137,0,0\n6378137,0,x\n")
