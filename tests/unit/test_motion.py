@@ -34,9 +34,7 @@ def polynomial(c: list[float], t: float) -> list[float]:
     knots=st.lists(st.tuples(coefficient, coefficient, coefficient), min_size=2, max_size=6),
     steps=st.lists(st.floats(0.01, 5.0), min_size=5, max_size=5),
 )
-def test_a_motion_passes_through_its_knots(
-    knots: list[tuple[float, float, float]], steps: list[float]
-) -> None:
+def test_a_motion_passes_through_its_knots(knots: list[tuple[float, float, float]], steps: list[float]) -> None:
     times = np.cumsum([0.0, *steps])[: len(knots)]
     motion = KnotMotion(times, np.array(knots))
     for t, knot in zip(times, knots, strict=True):

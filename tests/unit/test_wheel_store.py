@@ -52,7 +52,7 @@ def test_an_older_calibration_has_a_larger_variance() -> None:
     ("change", "says"),
     [
         ({"unit": "odo-2"}, "of odo-2"),
-        ({"told_diameter_m": 0.85}, "told 850 mm, not 810"),
+        ({"told_diameter_m": 0.85}, "nominal diameter is 850 mm, not 810"),
         ({"saved_at_ns": NOW - 91 * DAY_NS}, "91 days old"),
         ({"saved_at_ns": NOW + 120 * 10**9}, "future"),
         ({"scale": 0.31}, "1061.1 mm is not plausible"),
@@ -105,8 +105,8 @@ def test_a_corrupt_file_is_refused(kept: bytes) -> None:
 # in a filter -------------------------------------------------------------------------------------------------------------
 
 
-def node(told_m: float = 0.81, kind: str = "kalman") -> FilterNode:
-    odometer = sensor("odometer", straight_line(), "odo", diameter_m=told_m, scale_std=0.06)
+def node(nominal_m: float = 0.81, kind: str = "kalman") -> FilterNode:
+    odometer = sensor("odometer", straight_line(), "odo", diameter_m=nominal_m, scale_std=0.06)
     layout = Layout((("odo", odometer.private_states),))
     prior = Prior(np.array([0.0, 20.0, 0.0]), np.array([1.0, 1.0, 0.1]))
     row = FILTERS[kind]
