@@ -1,4 +1,4 @@
-"""The contract of Milepost: messages, codec and stream table. A dispatch tool needs nothing else."""
+"""The contract of Milepost: messages, codec and stream table. A dispatch tool needs no other package of it."""
 
 from .codec import Refused, decode, encode, from_fields
 from .estimate import AbsoluteFix, Estimate, Feedback, JudgedReading, LinearObservation

@@ -1,4 +1,4 @@
-"""Messages to bytes and back; everything that can be wrong with bytes ends as `Refused`."""
+"""Messages are encoded to bytes and decoded; any mistake in the bytes raises `Refused`."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ M = TypeVar("M", bound=Message)
 
 
 class Refused(ValueError):
-    """A message that does not count. `reason` is a short word to count by, `detail` a sentence to read."""
+    """A message is refused. `reason` is a short word for counting, `detail` a sentence for people."""
 
     def __init__(self, reason: str, detail: str) -> None:
         super().__init__(f"{reason}: {detail}")
@@ -22,7 +22,7 @@ class Refused(ValueError):
 
 
 def _fields(value: object) -> Any:
-    # model_dump() copies everything first and costs four times as much
+    # model_dump() copies everything first and takes four times as long
     if isinstance(value, BaseModel):
         return value.__dict__
     raise TypeError(f"cannot encode {type(value).__name__}")

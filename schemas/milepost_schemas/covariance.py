@@ -1,4 +1,4 @@
-"""Whether a matrix can be a covariance."""
+"""The check that a matrix is a covariance."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ def check_covariance(matrix: list[list[float]]) -> list[list[float]]:
     A Cholesky factorisation of the matrix scaled to a unit diagonal, so that metres next to radians do not
     matter; pivots down to -1e-9 pass as rounding. Raises ValueError otherwise.
     """
-    if len(matrix) == 3 and _clearly_sound(matrix):
+    if len(matrix) == 3 and _clearly_definite(matrix):
         return matrix
     n = len(matrix)
     if n == 0 or any([len(row) != n for row in matrix]):  # noqa: C419 (a list is faster than a generator here)
@@ -33,13 +33,13 @@ def check_covariance(matrix: list[list[float]]) -> list[list[float]]:
                 rest -= done[k] * above[k]
             pivot = above[j]
             done.append(rest / pivot if pivot > 1e-6 else 0.0)
-            # where the pivot has vanished there is nothing to divide by, and nothing may be left
+            # where the pivot vanishes nothing can be divided by it, and the remainder must vanish too
             if pivot <= 1e-6 and abs(rest) > 2e-6:
                 raise ValueError("a covariance must be positive semi-definite")
         left = 1.0 if root[i] else 0.0
         for value in done:
             left -= value * value
-        # turned round so that a nan, from numbers that overflow, is not let through
+        # written with `not`, so that a nan from an overflow is refused
         if not left >= -1e-9:
             raise ValueError("a covariance must be positive semi-definite")
         done.append(left**0.5 if left > 0.0 else 0.0)
@@ -53,14 +53,14 @@ def _zero(value: float) -> float:
     return 0.0
 
 
-def _clearly_sound(matrix: list[list[float]]) -> bool:
-    """The usual case, three states and far from singular, by Sylvester's criterion; whatever is not clear goes the long way."""
+def _clearly_definite(matrix: list[list[float]]) -> bool:
+    """The usual case, three states and far from singular, by Sylvester's criterion; other matrices are factorised."""
     (p00, p01, p02), (p10, p11, p12), (p20, p21, p22) = _rows(matrix)
     if not (p01 == p10 and p02 == p20 and p12 == p21 and p00 > 0.0 and p11 > 0.0 and p22 > 0.0):
         return False
     minor = p00 * p11 - p01 * p01
     determinant = p22 * minor - p00 * p12 * p12 - p11 * p02 * p02 + 2.0 * p01 * p02 * p12
-    # as fractions of what they would be without correlation; a nan fails both
+    # the minors over their values without correlation; a nan fails both comparisons
     return minor > 1e-12 * p00 * p11 > 0.0 and determinant > 1e-12 * p00 * p11 * p22 > 0.0
 
 

@@ -1,4 +1,4 @@
-"""What filters, the balise service and the fuser say to each other."""
+"""The messages between filters, the balise service and the fuser."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ Coefficient = Annotated[float, Field(ge=-1e6, le=1e6)]
 class LinearObservation(Part):
     """One scalar observation z = h x + e, e ~ N(0, R), over [s, v, a, the unit's private states].
 
-    `row` is h, `value` is z, `variance` is R. The unit, `measured_at_ns` and `component` are its identity: whoever repeats it,
-    under whatever instance, it counts once.
+    `row` is h, `value` is z, `variance` is R. The unit, `measured_at_ns` and `component` are its identity: repeated, it
+    counts once, also under another instance.
     """
 
     sensor_instance: Name
@@ -28,7 +28,7 @@ class LinearObservation(Part):
 
 
 class JudgedReading(Part):
-    """A reading as the sensor stated it, for whoever linearises and judges it anew, and the filter's own judgement.
+    """A whole reading, which the fuser can linearise and judge by itself, and the filter's judgement of it.
 
     `fields` are the reading's own, by the schema of the unit's sensor. `rows`: how many of the estimate's observations, by
     component from 0, are this reading's. `counts`: whether the filter lets it count; `why` not, where it does not; `gating`:
@@ -65,8 +65,8 @@ class Estimate(Message):
 class AbsoluteFix(Message):
     """The train's reference point was at `position_m` at `measured_at_ns`.
 
-    `reader`, `reader_instance` and `reading_sequence` say which reading it came from; `location_accuracy_m` is how
-    well the line knows where the balise lies.
+    `reader`, `reader_instance` and `reading_sequence` identify the reading; `location_accuracy_m` is the accuracy of
+    the balise's position on the line.
     """
 
     SCHEMA: ClassVar[str] = "absolute_fix"

@@ -1,4 +1,4 @@
-"""How the processes are doing."""
+"""Health and events of the processes."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class Health(Message):
 
 
 class Event(Message):
-    """Something happened that a person should be able to read about later."""
+    """An event, for people to read."""
 
     SCHEMA: ClassVar[str] = "event"
 

@@ -1,4 +1,4 @@
-"""What every Milepost message has in common: strict fields, physical ranges, sound covariances."""
+"""The common part of all messages: strict fields, physical ranges, valid covariances."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ Covariance = Annotated[list[list[float]], AfterValidator(check_covariance)]
 
 
 class Part(BaseModel):
-    """A piece of a message: strict, immutable, finite; unknown fields are ignored so that newer senders are understood."""
+    """A piece of a message: strict, immutable, finite; unknown fields are ignored, so newer senders are understood."""
 
     model_config = ConfigDict(strict=True, frozen=True, extra="ignore", allow_inf_nan=False)
 

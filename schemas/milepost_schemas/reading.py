@@ -1,4 +1,4 @@
-"""What sensors say: one message for each kind of quantity, not for each make of device."""
+"""The readings of sensors: one message for each kind of quantity, not for each make of device."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ Std = Annotated[float, Field(ge=1e-6, le=1e7)]
 
 
 class PositionReading(Message):
-    """A GNSS position and what the receiver says of it; the receiver's word is not to be trusted alone.
+    """A GNSS position with the receiver's statements on its quality, which are not sufficient alone.
 
     `horizontal_std_m`: of one horizontal axis, as the receiver states it. `speed_mps` over ground, along `course_deg`
     (clockwise from north).
@@ -76,7 +76,7 @@ class InertialReading(Message):
 
 
 class BaliseTelegram(Message):
-    """A balise passed under the reader at `measured_at_ns`; where it lies is the line's knowledge, not the reader's."""
+    """A balise was read at `measured_at_ns`; its position is in the line file, not in the telegram."""
 
     SCHEMA: ClassVar[str] = "balise_telegram"
 

@@ -1,4 +1,4 @@
-"""The product: where the train is and how fast it goes, with an honest bound."""
+"""The published state: the train's position and speed with confidence intervals."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ Direction = Literal["forward", "backward", "standstill", "unknown"]
 
 
 class SensorInUse(Part):
-    """A unit that counts at this epoch: its share and the age of its last observation."""
+    """A unit in use at this epoch: its share and the age of its last observation."""
 
     unit: Name
     share: Share
@@ -21,7 +21,7 @@ class SensorInUse(Part):
 
 
 class SensorExcluded(Part):
-    """A unit that does not count at this epoch, and why."""
+    """A unit that is excluded at this epoch, and the reason."""
 
     unit: Name
     reason: str
@@ -84,7 +84,7 @@ class SimulationStart(Part):
 
 
 class Truth(Message):
-    """The simulated or replayed train's true motion; lives on a key that no fuser can hear."""
+    """The simulated or replayed train's true motion, on a key to which no fuser subscribes."""
 
     SCHEMA: ClassVar[str] = "truth"
 

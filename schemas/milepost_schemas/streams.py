@@ -1,4 +1,4 @@
-"""THE STREAM TABLE: what travels, on which key, what sets its rate, with what quality of service.
+"""THE STREAM TABLE: each stream's message, key, pace and quality of service.
 
 Keys, quality of service, the expected rates in `health`, JSON Schemas and contract tests derive from these rows: a new
 stream is a row.
@@ -80,5 +80,5 @@ def rpc_key(train: str, procedure: str, unit: str = "*") -> str:
 
 
 def simulation_start_key(train: str) -> str:
-    """Where `world` says when scenario time began and how fast it runs."""
+    """The key on which `world` answers with the start and speed of scenario time."""
     return f"{ROOT}/{train}/@sim/start"

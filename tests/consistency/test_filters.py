@@ -102,7 +102,7 @@ def test_innovations_of_what_is_passed_on_are_no_larger_than_stated(monte_carlo)
 
 
 @pytest.mark.parametrize("kind", sorted(set(FILTERS) - KNOWS_R))
-def test_a_stated_variance_ten_times_too_small_is_found_out(kind):
+def test_a_variance_stated_ten_times_too_small_fails_the_bounds(kind):
     """A plain filter's NEES is ten there; these come within the bounds of one who learns."""
     nees = np.array([fused_nees(kind, 8000 + seed, stated=0.1)[0] for seed in range(RUNS // 4)])
     assert nees.mean() < bounds_of_mean(3, nees.size)[1] * (1.0 + LEARNING)

@@ -51,6 +51,6 @@ def nees() -> np.ndarray:
 
 
 @pytest.mark.parametrize("at", [0, 1])
-def test_the_fused_state_is_as_good_as_it_says(nees: np.ndarray, at: int) -> None:
+def test_the_fused_state_is_consistent(nees: np.ndarray, at: int) -> None:
     """The mean of 16 chi-squares of 3 degrees has a standard deviation of √(6/16) = 0.61; its upper tail is heavier."""
     assert 3.0 - 2.5 * math.sqrt(6.0 / RUNS) < nees[:, at].mean() < 3.0 + 3.0 * math.sqrt(6.0 / RUNS)

@@ -74,17 +74,17 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> list[Run]:
 
 
 @pytest.mark.parametrize("at_s", [0.5, 2.0, 5.9])
-def test_a_train_whose_wheels_are_unknown_is_as_sure_as_it_says(runs: list[Run], at_s: float) -> None:
+def test_a_train_with_unknown_wheels_is_consistent(runs: list[Run], at_s: float) -> None:
     """The mean of 25 chi-square variables of 3 degrees: 3 ± 2.6 · √(6/25), 99 %."""
     assert np.mean([run.nees(at_s) for run in runs]) == pytest.approx(3.0, abs=2.6 * (6.0 / RUNS) ** 0.5)
 
 
-def test_a_wheel_that_grips_is_never_said_to_slip(runs: list[Run]) -> None:
+def test_a_gripping_wheel_is_never_reported_as_slipping(runs: list[Run]) -> None:
     """3000 readings at four standard deviations: 0.2 expected outside, and naming one takes 2 % of slip besides."""
     assert [event.text for run in runs for event in run.events if event.code in ("wheel_spin", "wheel_slide")] == []
 
 
-def test_spin_and_slide_are_named_left_out_and_over(tmp_path: Path) -> None:
+def test_spin_and_slide_are_reported_excluded_and_ended(tmp_path: Path) -> None:
     """Both wheels spin by 15 % (12 km/h), then one locks: the fused speed stays within 1 km/h, and the wheels count again."""
     events = [
         {"from_s": 20.0, "to_s": 24.0, "ratio": 0.15, "ramp_s": 1.0},

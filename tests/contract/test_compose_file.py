@@ -20,7 +20,7 @@ PROCESSES = processes(TRAIN)
 KEEPS = {f"filter-{unit}" for unit, sensor in TRAIN.sensors.items() if sensor.kind == "odometer"}
 
 
-def test_a_container_a_process_and_the_router() -> None:
+def test_there_is_a_container_for_each_process_and_the_router() -> None:
     assert sorted(SERVICES) == sorted(["router", *(process.name for process in PROCESSES)])
 
 
@@ -39,12 +39,12 @@ def test_router_takes_the_file_that_zenohd_takes() -> None:
 
 
 @pytest.mark.parametrize("name", SERVICES)
-def test_what_crashes_is_started_again_but_never_the_world(name: str) -> None:
+def test_a_crashed_process_is_restarted_unless_it_is_the_world(name: str) -> None:
     assert SERVICES[name]["restart"] == ("no" if name == "world" else "on-failure")
 
 
 @pytest.mark.parametrize("name", SERVICES)
-def test_every_container_can_do_as_little_as_possible(name: str) -> None:
+def test_every_container_runs_with_the_least_privileges(name: str) -> None:
     service = SERVICES[name]
     assert service["read_only"] is True
     assert service["tmpfs"] == ["/tmp"]
@@ -63,7 +63,7 @@ def test_every_container_has_a_cheap_healthcheck(name: str) -> None:
     assert int(check["interval"].removesuffix("s")) >= 10, "two cores run the train as well"
 
 
-def test_one_image_built_once() -> None:
+def test_one_image_is_built_once() -> None:
     assert len({service["image"] for service in SERVICES.values()}) == 1
     assert [name for name, service in SERVICES.items() if "build" in service] == ["router"]
 

@@ -120,13 +120,13 @@ def room_of(path: Path) -> str:
     return path.relative_to(SERVICES).parts[0]
 
 
-def test_every_folder_is_a_room_on_one_floor() -> None:
+def test_every_folder_is_a_package_on_one_level() -> None:
     folders = {path.name for path in SERVICES.iterdir() if path.is_dir() and path.name != "__pycache__"}
     assert folders == set(FLOORS)
 
 
 @pytest.mark.parametrize("path", modules(SERVICES), ids=id_of)
-def test_a_room_imports_only_rooms_below_it(path: Path) -> None:
+def test_a_package_imports_only_packages_below_it(path: Path) -> None:
     room = room_of(path)
     if room not in FLOORS:  # the package itself and `python -m milepost`
         return
@@ -150,7 +150,7 @@ def test_no_modules_import_each_other_in_a_circle() -> None:
 
 
 @pytest.mark.parametrize("folder", sorted({path.parent for path in modules(SERVICES)}), ids=id_of)
-def test_a_room_is_small_enough_to_know_by_heart(folder: Path) -> None:
+def test_a_package_has_a_bounded_number_of_lines(folder: Path) -> None:
     length = sum(len(path.read_text(encoding="utf-8").splitlines()) for path in folder.glob("*.py"))
     assert length <= LARGEST_ROOM, f"{length} lines"
 
@@ -181,16 +181,16 @@ def test_the_contract_needs_pydantic_and_msgpack_alone(path: Path) -> None:
 
 
 @pytest.mark.parametrize("path", modules(SERVICES) + modules(SCHEMAS), ids=id_of)
-def test_nothing_is_imported_by_the_name_of_its_folder(path: Path) -> None:
+def test_no_import_uses_the_name_of_a_source_folder(path: Path) -> None:
     assert not {name.split(".")[0] for name in imports(path)} & {"services", "schemas", "tests", "examples"}
 
 
 @pytest.mark.parametrize("path", modules(SERVICES) + modules(SCHEMAS), ids=id_of)
-def test_a_file_can_be_read_in_one_sitting(path: Path) -> None:
+def test_a_file_has_a_bounded_number_of_lines(path: Path) -> None:
     length = len(path.read_text(encoding="utf-8").splitlines())
     assert length <= LONGEST_FILE, f"{length} lines"
 
 
 @pytest.mark.parametrize("path", modules(SERVICES) + modules(SCHEMAS), ids=id_of)
-def test_a_module_says_what_it_is_for(path: Path) -> None:
+def test_a_module_has_a_docstring(path: Path) -> None:
     assert ast.get_docstring(ast.parse(path.read_text(encoding="utf-8")))

@@ -78,7 +78,7 @@ def outcome_of(payload: bytes, schema: type[Message]) -> Message | Refused:
 
 
 @each_row
-def test_a_message_comes_back_from_its_bytes_with_the_same_fields(row: Stream) -> None:
+def test_a_decoded_message_has_the_same_fields(row: Stream) -> None:
     for message in examples_of(row):
         assert type(message) is row.message
         back = decode(encode(message), row.message)
@@ -94,7 +94,7 @@ def test_the_payload_is_a_plain_msgpack_map_of_the_fields(row: Stream) -> None:
 
 
 @each_row
-def test_the_examples_give_every_field_a_value_at_least_once(row: Stream) -> None:
+def test_the_examples_set_every_field_at_least_once(row: Stream) -> None:
     given_ = {name for message in examples_of(row) for name in row.message.model_fields if getattr(message, name) is not None}
     assert given_ == set(row.message.model_fields), "tests/examples.py: give every optional field in some example"
 
@@ -112,7 +112,7 @@ def test_schema_names_and_versions_name_one_message_each() -> None:
 
 
 @each_row
-def test_a_row_is_sound(row: Stream) -> None:
+def test_a_row_is_consistent(row: Stream) -> None:
     assert row.paced_by in get_args(Pace)
     assert row.cached >= 0
     assert row.priority in PRIORITIES
@@ -124,13 +124,13 @@ def test_a_row_is_sound(row: Stream) -> None:
 
 
 @each_row
-def test_only_the_planes_marked_with_an_at_stay_out_of_a_wildcard(row: Stream) -> None:
+def test_only_keys_with_an_at_sign_stay_out_of_a_wildcard(row: Stream) -> None:
     heard = zenoh.KeyExpr(f"{ROOT}/**").intersects(zenoh.KeyExpr(row.key_for("t1", "u1")))
     assert heard == ("@" not in row.key)
     assert heard == (row.name != "truth")
 
 
-def test_calls_and_simulation_control_stay_out_of_a_wildcard_and_tokens_are_in_it() -> None:
+def test_a_wildcard_covers_tokens_but_not_calls_or_simulation_control() -> None:
     everything = zenoh.KeyExpr(f"{ROOT}/**")
     assert not everything.intersects(zenoh.KeyExpr(rpc_key("t1", "latest_feedback", "u1")))
     assert not everything.intersects(zenoh.KeyExpr(simulation_start_key("t1")))
@@ -199,7 +199,7 @@ def test_a_required_field_may_not_be_null(row: Stream) -> None:
 
 
 @each_row
-def test_a_float_that_came_as_a_whole_number_is_understood(row: Stream) -> None:
+def test_a_whole_number_is_accepted_as_a_float(row: Stream) -> None:
     """JavaScript's encoders write 20.0 as 20."""
     for message in examples_of(row):
         for at, value in values(fields_of(message)):
@@ -223,13 +223,13 @@ def limits_of(row: Stream, at: tuple[str | int, ...]) -> str | None:
     return next((name for name in names if name in LIMITS), None)
 
 
-def test_every_limit_is_that_of_a_value_in_some_example() -> None:
+def test_every_limit_belongs_to_a_value_in_an_example() -> None:
     used = {limits_of(row, at) for row in STREAMS for m in examples_of(row) for at, _ in values(fields_of(m))}
     assert used - {None} == set(LIMITS)
 
 
 @each_row
-def test_what_is_beyond_its_physical_range_is_refused_by_name_and_the_limit_itself_is_not(row: Stream) -> None:
+def test_a_value_beyond_its_physical_range_is_refused_by_name(row: Stream) -> None:
     for message in examples_of(row):
         for at, value in values(fields_of(message)):
             name = limits_of(row, at)
@@ -247,7 +247,7 @@ def test_what_is_beyond_its_physical_range_is_refused_by_name_and_the_limit_itse
 
 
 @each_row
-def test_names_keep_to_what_a_key_can_hold(row: Stream) -> None:
+def test_names_are_valid_parts_of_a_key(row: Stream) -> None:
     message = examples_of(row)[0]
     for field in ("train", "unit", "instance"):
         for bad in ("", "a/b", "*", "**", "A", "a b", "@sim", "-a", "a" * 64, "a\n", "é", "$*", "a?b", "a#b"):
@@ -275,7 +275,7 @@ def test_a_state_lies_inside_its_own_interval() -> None:
 
 
 @pytest.mark.parametrize("name", ["estimate", "feedback"])
-def test_a_gaussian_has_as_many_states_as_means_and_begins_with_the_common_ones(name: str) -> None:
+def test_a_gaussian_has_matching_sizes_and_begins_with_common_states(name: str) -> None:
     row = next(row for row in STREAMS if row.name == name)
     fields = fields_of(examples_of(row)[0])
     part = "belief" if name == "estimate" else "fused"
@@ -293,7 +293,7 @@ WITH_COVARIANCE = [row for row in STREAMS if any(at[-1] == "covariance" for at, 
 
 
 @pytest.mark.parametrize("row", WITH_COVARIANCE, ids=lambda row: row.name)
-def test_an_unsound_covariance_is_refused(row: Stream) -> None:
+def test_an_invalid_covariance_is_refused(row: Stream) -> None:
     for message in examples_of(row):
         (at, value) = next((at, value) for at, value in values(fields_of(message)) if at[-1] == "covariance")
         asymmetrical = replaced({"m": value}, ("m", 0, 1), 0.4)["m"]
@@ -353,13 +353,13 @@ def test_hostile_payloads_are_refused(row: Stream, payload: bytes) -> None:
 
 @each_row
 @given(payload=st.binary(max_size=400))
-def test_garbage_never_raises_anything_but_refused(row: Stream, payload: bytes) -> None:
+def test_random_bytes_raise_only_refused(row: Stream, payload: bytes) -> None:
     accepted_or_refused(payload, row.message)
 
 
 @each_row
 @given(data=st.data())
-def test_flipped_bytes_never_raise_anything_but_refused(row: Stream, data: st.DataObject) -> None:
+def test_flipped_bytes_raise_only_refused(row: Stream, data: st.DataObject) -> None:
     payload = bytearray(encode(data.draw(st.sampled_from(examples_of(row)))))
     for _ in range(data.draw(st.integers(1, 8))):
         payload[data.draw(st.integers(0, len(payload) - 1))] ^= data.draw(st.integers(1, 255))
@@ -375,7 +375,7 @@ ANYTHING = st.recursive(
 
 @each_row
 @given(data=st.data())
-def test_anything_in_place_of_any_value_never_raises_anything_but_refused(row: Stream, data: st.DataObject) -> None:
+def test_any_replaced_value_raises_only_refused(row: Stream, data: st.DataObject) -> None:
     fields = fields_of(data.draw(st.sampled_from(examples_of(row))))
     at = data.draw(st.sampled_from([at for at, _ in values(fields)]))
     accepted_or_refused(msgpack.packb(replaced(fields, at, data.draw(ANYTHING))), row.message)

@@ -24,7 +24,7 @@ SERVICES = ROOT / "services" / "milepost"
 GEOMETRY = {"geojson": str(ROOT / "deploy/lines/airport-maglev.geojson"), "length_m": REMOVED}
 
 
-def test_the_stream_table_can_be_asked_by_name() -> None:
+def test_the_stream_table_is_indexed_by_name() -> None:
     assert list(BY_NAME.values()) == list(STREAMS)
     assert set(EXAMPLES) == set(BY_NAME), "tests/examples.py: EXAMPLES and the stream table differ"
 
@@ -94,5 +94,5 @@ def test_process_names_are_unique_and_can_stand_in_a_key() -> None:
     assert {process.role for process in listed} == set(ROLES)
 
 
-def test_contract_and_estimator_mean_the_same_common_states() -> None:
+def test_contract_and_estimator_have_the_same_common_states() -> None:
     assert tuple(COMMON) == tuple(COMMON_STATES)

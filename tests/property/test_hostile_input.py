@@ -26,7 +26,7 @@ def states(outputs):
     return [o.message for o in outputs if o.stream == "state"]
 
 
-def test_a_fuser_that_was_away_for_an_hour_is_unsure_not_wrong():
+def test_a_fuser_restarted_after_an_hour_has_wide_intervals():
     """GIVEN feedback an hour old, WHEN a fuser continues from it, THEN its interval holds wherever the train got to."""
     units = sensors(Plain)
     names = ["position_m", "speed_mps", "acceleration_mps2"]
@@ -44,7 +44,7 @@ def test_a_fuser_that_was_away_for_an_hour_is_unsure_not_wrong():
     assert last.position_min_m < 5000.0 + 20.0 * 3600.0 < last.position_max_m
 
 
-def test_the_first_states_after_a_restart_say_what_they_await():
+def test_the_first_states_after_a_restart_list_awaited_units():
     """GIVEN a periodic unit, WHEN a fuser continues before any estimate has reached it, THEN its states say so."""
     units = sensors(Plain)
     readings, _ = drive(1, units, 1.0, 50.0)
@@ -81,7 +81,7 @@ def test_an_untimely_reading_without_observations_is_refused_like_any_other(ahea
     assert [o.message.code for o in outputs] == ["refused_too_old" if ahead_s < 0 else "refused_from_future"]
 
 
-def test_feedback_with_a_vanishing_share_is_left_alone():
+def test_feedback_with_a_vanishing_share_is_ignored():
     units = sensors(Plain)
     readings, _ = drive(1, units, 1.0, 50.0)
     local = filter_of(units, "plain")
@@ -100,7 +100,7 @@ def test_feedback_with_a_vanishing_share_is_left_alone():
         {"speed_max_mps": -50.0},
     ],
 )
-def test_readings_that_no_filter_could_pass_on_are_refused_at_the_door(fields):
+def test_readings_out_of_range_are_refused_by_the_schema(fields):
     head = {"train": "t", "unit": "u", "instance": "i", "sequence": 0, "measured_at_ns": T0, "published_at_ns": T0}
     with pytest.raises(ValidationError):
         SpeedReading(**head, **fields)

@@ -71,7 +71,7 @@ def worst_in_sigmas(states, expected):
 
 @settings(deadline=None, max_examples=12)
 @given(seed=st.integers(0, 2**32 - 1))
-def test_with_private_states_losses_and_restarts_the_fused_state_is_the_centralised_one(seed):
+def test_the_fused_state_is_centralised_through_losses_and_restarts(seed):
     units = sensors(Plain, Biased)
     readings, fixes = drive(seed, units, 4.0, 40.0)
     states = run_with_losses(seed, units, readings, fixes)
@@ -85,7 +85,7 @@ def test_with_private_states_losses_and_restarts_the_fused_state_is_the_centrali
 
 @settings(deadline=None, max_examples=6)
 @given(seed=st.integers(0, 2**32 - 1))
-def test_without_private_states_the_scalar_kernel_gives_the_centralised_result_too(seed):
+def test_the_scalar_kernel_gives_the_centralised_result(seed):
     units = sensors(Plain)
     readings, fixes = drive(seed, units, 4.0, 80.0)
     states = run_with_losses(seed, units, readings, fixes)
@@ -95,7 +95,7 @@ def test_without_private_states_the_scalar_kernel_gives_the_centralised_result_t
 
 @settings(deadline=None, max_examples=6)
 @given(seed=st.integers(0, 2**32 - 1))
-def test_a_linearised_scale_stays_within_a_hundredth_of_a_sigma_of_the_centralised_filter(seed):
+def test_a_linearised_scale_is_centralised_within_a_hundredth_sigma(seed):
     """Filters linearise at their own beliefs, the reference at its own: they differ by the product of what is unknown.
 
     A scale known to 0.1 % and a speed known to 0.5 m/s leave 0.0005 m/s; with 1 % the first second differs by 0.04 sigma,

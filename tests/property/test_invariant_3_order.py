@@ -85,7 +85,7 @@ def test_a_repeated_reading_counts_once_whoever_repeats_it():
     assert fuser.refusals.counts["duplicate"] == len(again)
 
 
-def test_what_is_older_than_the_horizon_or_ahead_of_time_is_refused_and_counted():
+def test_untimely_observations_are_refused_and_counted():
     units = sensors(Plain)
     readings, fixes = drive(2, units, 10.0, 25.0)
     estimates = estimates_of(units, readings)

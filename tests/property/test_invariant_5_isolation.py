@@ -36,7 +36,7 @@ def states(fusion, length_s):
 
 @settings(deadline=None, max_examples=20)
 @given(seed=st.integers(0, 2**32 - 1), unit=st.sampled_from(["plain", "biased", "reader"]), onset=st.floats(0.0, 4.0))
-def test_withdrawing_leaves_no_trace(seed, unit, onset):
+def test_withdrawn_observations_leave_no_trace(seed, unit, onset):
     rng = random.Random(seed)
     units = sensors(Plain, Biased)
     readings, fixes = drive(seed, units, 4.0, 30.0)

@@ -46,7 +46,7 @@ def differences(golden: list[dict[str, Any]], now: list[dict[str, Any]]) -> list
 
 
 @pytest.mark.parametrize("name", RUNS)
-def test_a_golden_run_gives_the_states_it_gave_before(name):
+def test_a_golden_run_gives_the_same_states(name):
     if lacking := missing_data(name):
         pytest.skip(lacking)
     golden = json.loads((GOLDEN / f"{name}.json").read_text(encoding="utf-8"))

@@ -96,7 +96,7 @@ def test_a_rerun_settles_to_the_bytes_of_the_evaluation(recorded, tmp_path, orig
     assert states == recorded.settled
 
 
-def test_readings_are_the_default_and_recorded_estimates_fixes_and_feedback_do_not_count_then(recorded, tmp_path):
+def test_a_rerun_from_readings_ignores_recorded_estimates_fixes_and_feedback(recorded, tmp_path):
     # what a rerun from readings must not look at says something else here
     spoilt = [
         {**line, "payload": {**line["payload"], "position_m": 5.0}} if is_of(line, "fix") else line
@@ -140,7 +140,7 @@ def test_lines_without_a_receipt_time_settle_to_the_same_bytes(recorded, tmp_pat
     assert rerun(bare, tmp_path / "states.jsonl", "readings") == recorded.settled
 
 
-def test_garbage_lines_are_counted_and_told_and_the_rest_goes_on(recorded, tmp_path):
+def test_invalid_lines_are_counted_and_reported(recorded, tmp_path):
     text = recorded.path.read_text(encoding="utf-8").splitlines()
     one = next(json.loads(line) for line in text if "/reading/radar" in line)
     other = json.dumps(
@@ -221,7 +221,7 @@ main()
 """
 
 
-def test_ctrl_c_leaves_nothing_half_written_and_an_earlier_file_as_it_was(recorded, tmp_path):
+def test_ctrl_c_leaves_no_partial_file(recorded, tmp_path):
     out = tmp_path / "out.jsonl"
     out.write_text("the states of an earlier rerun\n", encoding="utf-8")
     done = milepost("rerun", recorded.path, "--train", TRAIN, "--out", out, program=("-c", INTERRUPTED))

@@ -92,7 +92,7 @@ class Tables(HTMLParser):
             self.rows[-1][-1] += data
 
 
-def test_the_page_has_a_row_for_each_claim_by_source_and_says_why_one_is_not_met(reported):
+def test_the_page_has_a_row_for_each_claim_with_its_reason(reported):
     done, report = reported
     assert done.returncode == 0, done.stderr
     tables = Tables((report / "index.html").read_text(encoding="utf-8"))
@@ -236,11 +236,11 @@ def test_a_mistake_that_a_worker_finds_is_still_one_line(tmp_path):
         ({"claims": [{**TINY["claims"][0], "key": "distance"}]}, "claims.0.key: distance is neither"),
         ({"claims": [{**TINY["claims"][0], "ours": "nobody"}]}, "claims.0.ours: nobody is not among"),
         ({"claims": [{**TINY["claims"][0], "variant": "v"}]}, "claims.0.variant: v is not among"),
-        ({"claims": [{**TINY["claims"][0], "at_least": 1.0}]}, "claims.0: give either at_most or at_least"),
+        ({"claims": [{**TINY["claims"][0], "at_least": 1.0}]}, "claims.0: either at_most or at_least is required, not both"),
     ],
     ids=lambda value: value[:40] if isinstance(value, str) else "",
 )
-def test_what_is_wrong_with_a_scenario_is_said_by_file_and_field(tmp_path, fields, said):
+def test_a_mistake_in_a_scenario_names_file_and_field(tmp_path, fields, said):
     path = written(tmp_path, tiny={**TINY, **fields}) / "tiny.yaml"
     with pytest.raises(ConfigError) as refused:
         make_plan(path)

@@ -101,7 +101,7 @@ def test_without_json_it_is_a_table_with_every_estimator(short, printed):
     assert all(any(line.startswith(name) for line in out.splitlines()) for name in ESTIMATORS)
 
 
-def test_plot_writes_a_png_and_record_the_messages_and_no_figure_changes(short, tmp_path, printed):
+def test_plot_and_record_change_no_figure(short, tmp_path, printed):
     pytest.importorskip("matplotlib")
     recording = tmp_path / "messages.jsonl"
     done = evaluate(short, "--json", "--plot", tmp_path / "errors.png", "--record", recording)
@@ -126,7 +126,7 @@ def test_plot_writes_a_png_and_record_the_messages_and_no_figure_changes(short, 
     ],
     ids=["alone", "train", "record", "folder"],
 )
-def test_what_cannot_be_is_one_line_and_exit_code_2(tmp_path, fields, options, said):
+def test_an_invalid_option_is_one_line_and_exit_code_2(tmp_path, fields, options, said):
     done = evaluate(scenario_file(tmp_path, **fields), "--json", *options)
     assert done.returncode == 2
     assert done.stdout == ""
@@ -134,7 +134,7 @@ def test_what_cannot_be_is_one_line_and_exit_code_2(tmp_path, fields, options, s
     assert said in done.stderr
 
 
-def test_a_truth_that_is_none_is_one_line_and_exit_code_2(tmp_path):
+def test_an_invalid_truth_is_one_line_and_exit_code_2(tmp_path):
     """A path that runs back on itself, as the line and as the truth."""
     places = [*range(40), *reversed(range(39))]
     rows = "\n".join(f"{k},{6378137.0},0.0,{10.0 * z},0.0,0.0,10.0" for k, z in enumerate(places))

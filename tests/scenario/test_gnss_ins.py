@@ -41,17 +41,17 @@ def pooled(conditions: list[dict[str, Any]], estimator: str, key: str) -> float:
 
 
 @pytest.mark.parametrize("key", ["position_std_m", "speed_std_mps"])
-def test_with_noise_that_wanders_the_one_who_knows_it_is_best_and_milepost_far_better_than_the_data_sheet(results, key):
+def test_with_varying_noise_milepost_is_better_than_the_data_sheet(results, key):
     oracle, ours, plain = (pooled(results, name, key) for name in ("oracle", "milepost", "plain"))
     assert oracle < ours < 0.6 * plain
 
 
-def test_milepost_says_what_its_figures_are_worth_and_the_data_sheet_does_not(results):
+def test_only_milepost_is_consistent_with_varying_noise(results):
     assert max(result["estimators"]["milepost"]["outside_interval"] for result in results) < 0.01
     assert min(result["estimators"]["plain"]["outside_interval"] for result in results) > 0.1
 
 
-def test_with_white_noise_of_known_variance_nothing_beats_the_kalman_filter_that_knows_it(results):
+def test_with_known_white_noise_the_kalman_filter_is_best(results):
     twins = [result["variants"]["white_noise"] for result in results]
     for key in ("position_std_m", "speed_std_mps"):
         # the optimum errs least on average, not on each seed

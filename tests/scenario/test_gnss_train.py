@@ -77,7 +77,7 @@ def nmea(of: Train, seconds: int) -> bytes:
     return out
 
 
-def test_a_train_follows_what_its_receiver_said_into_a_file(tmp_path: Path) -> None:
+def test_a_train_follows_a_recorded_receiver(tmp_path: Path) -> None:
     entry = {"source": "receiver", "receiver": {"protocol": "nmea", "file": "said.nmea"}, "rate_hz": 5.0}
     entry |= {"trust_stated_std": True, "speed_std_mps": 0.05}
     (tmp_path / "said.nmea").write_bytes(b"")

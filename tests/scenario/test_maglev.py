@@ -60,7 +60,7 @@ class TestSourceA:
         assert 2.0 < source_a[0]["estimators"]["fused"]["nees_mean"] < 4.0
 
     @pytest.mark.parametrize("which", ["live", "settled"])
-    def test_states_come_at_fifty_hertz_without_a_hole_and_hold_the_truth(self, source_a, which):
+    def test_states_at_fifty_hertz_without_gaps_contain_the_truth(self, source_a, which):
         log = source_a[1]
         states = list(getattr(log, which).values())
         assert len(states) >= 100.0 * 50 - 2
@@ -96,7 +96,7 @@ class TestRadarSilentForTenSeconds:
         """From 6 s to 16 s the radar says nothing."""
         return travel(24.0, {"sensor-radar": silent(6.0, 16.0)})
 
-    def test_it_is_degraded_and_excludes_the_radar_as_silent_until_it_is_back(self, journey):
+    def test_the_silent_radar_is_excluded_until_it_is_back(self, journey):
         for states in (journey.live, journey.settled):
             during = [s for ns, s in states.items() if at(7.02) <= ns < at(15.98)]
             assert {s.status for s in during} == {"degraded"}
@@ -328,7 +328,7 @@ def test_an_accelerating_and_braking_train_stays_inside_its_intervals():
 
 @pytest.mark.parametrize("rule", ["information", "federated"])
 @pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_an_estimate_out_of_this_world_is_lost_and_not_a_crash(rule, sign):
+def test_an_impossible_estimate_gives_the_status_lost(rule, sign):
     """A filter gone mad says a thousand million metres, very sure of it, and goes on saying so."""
     covariance = [[1e-9, 0.0, 0.0], [0.0, 1e-9, 0.0], [0.0, 0.0, 1e-9]]
 

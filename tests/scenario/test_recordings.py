@@ -82,7 +82,7 @@ class TestCarWithoutSatellites:
 class TestFalseFixes:
     """Receivers under ground go on saying RTK; the bridge that stands for the truth there is ours, what is let in is not."""
 
-    def test_none_of_those_at_a_tunnels_end_is_let_in(self):
+    def test_no_false_fix_at_a_tunnels_end_counts(self):
         train = figures("brussels-28554", 197.0)["fused"]
         assert train["false_fixes_accepted"] == 0
         assert train["outside_interval"] == 0.0
@@ -91,7 +91,7 @@ class TestFalseFixes:
         assert max(train["reacquired_error_m"]) < 0.2
         assert train["reacquired_outside_interval"] == 0
 
-    def test_none_of_those_at_a_station_is_let_in(self):
+    def test_no_false_fix_at_a_station_counts(self):
         train = figures("brussels-28573", 165.0, ["credulous"])
         assert train["fused"]["false_fixes_accepted"] == 0
         assert train["fused"]["outside_interval"] == 0.0

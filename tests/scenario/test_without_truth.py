@@ -211,7 +211,7 @@ class TestEvaluation:
 
 
 @of_a_car
-def test_a_car_without_its_truth_is_held_against_fixes_that_it_did_not_get(tmp_path):
+def test_a_car_without_truth_is_compared_with_withheld_fixes(tmp_path):
     """Ten seconds of single fixes withheld; the figure is within what the receiver's own errors make of it."""
     withheld = {"unit": "gnss", "from_s": 20.0, "to_s": 30.0, "solution": "single"}
     change = {"units": {"gnss": {"withhold_s": [[20.0, 30.0]]}}}

@@ -21,7 +21,7 @@ def telegram(balise: str, sequence: int = 3) -> BaliseTelegram:
     return BaliseTelegram(**head("reader-a", sequence=sequence), balise_id=balise, reader_variance_m2=0.0004)
 
 
-def test_it_listens_to_the_trains_readers_and_no_one_else() -> None:
+def test_it_subscribes_to_the_trains_readers_only() -> None:
     assert [(s.stream, s.unit) for s in node().subscriptions] == [
         ("balise_telegram", "reader-a"),
         ("balise_telegram", "reader-b"),
@@ -29,7 +29,7 @@ def test_it_listens_to_the_trains_readers_and_no_one_else() -> None:
 
 
 @pytest.mark.parametrize("balise", LINE.balises, ids=lambda b: b.balise_id)
-def test_a_telegram_becomes_a_fix_at_the_balises_place_and_the_time_of_passage(balise: Balise) -> None:
+def test_a_telegram_becomes_a_fix_with_the_balises_position_and_passage_time(balise: Balise) -> None:
     said = telegram(balise.balise_id)
     ((stream, unit, fix),) = node().step(said, NOW)
     assert (stream, unit) == ("fix", "balise")
@@ -61,13 +61,13 @@ def test_fixes_are_numbered_without_gaps_and_unknown_balises_take_no_number() ->
     assert sequences == [0, 1, 2]
 
 
-def test_a_repeated_telegram_keeps_its_identity_so_that_the_fuser_can_count_it_once() -> None:
+def test_a_repeated_telegram_keeps_its_identity() -> None:
     service = node()
     fixes = [output.message for _ in range(2) for output in service.step(telegram("b1", 9), NOW)]
     assert [(f.reader, f.reader_instance, f.reading_sequence) for f in fixes] == [("reader-a", "a1b2c3d4", 9)] * 2
 
 
-def test_an_unknown_balise_is_an_event_and_a_count_and_no_fix() -> None:
+def test_an_unknown_balise_is_counted_and_reported_and_gives_no_fix() -> None:
     service = node()
     for n in (1, 2):
         ((stream, unit, event),) = service.step(telegram("nowhere"), NOW)
@@ -80,16 +80,16 @@ def test_an_unknown_balise_is_an_event_and_a_count_and_no_fix() -> None:
     assert [o.stream for o in service.step(telegram("b1"), NOW)] == ["fix"]
 
 
-def test_a_line_without_balises_knows_none() -> None:
+def test_a_line_without_balises_gives_no_fix() -> None:
     service = BaliseNode("maglev-1", "n1", ["reader-a"], Line("l", 1000.0, ()))
     assert [output.stream for output in service.step(telegram("b1"), NOW)] == ["event"]
 
 
 @pytest.mark.parametrize("row", [row for row in STREAMS if row is not BY_NAME["balise_telegram"]], ids=lambda row: row.name)
-def test_other_messages_are_nothing_to_it(row: object) -> None:
+def test_other_messages_are_ignored(row: object) -> None:
     for message in examples_of(row):  # type: ignore[arg-type]
         assert list(node().step(message, NOW)) == []
 
 
-def test_it_has_no_clock_of_its_own() -> None:
+def test_it_asks_for_no_tick() -> None:
     assert node().next_tick_ns() is None

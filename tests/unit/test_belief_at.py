@@ -18,13 +18,13 @@ def estimator(layout: Layout, share: float = 1.0) -> Estimator:
     return Estimator(layout, 0.01, Prior(np.zeros(3), np.ones(3)), 5 * NS_PER_S, share)
 
 
-def test_nothing_is_believed_where_nothing_is_known() -> None:
+def test_without_observations_there_is_no_belief() -> None:
     assert estimator(SCALED).belief_at(NS_PER_S) is None
 
 
 @pytest.mark.parametrize("share", [1.0, 0.25])
 @pytest.mark.parametrize("states", [3, 4])
-def test_a_belief_goes_back_before_its_feedback_along_the_motion(states: int, share: float) -> None:
+def test_a_belief_before_the_feedback_is_predicted_backwards(states: int, share: float) -> None:
     """0.1 s before: 1000 - 2 + 0.0025 m, 19.95 m/s. P_vv = 0.01 + 0.01² · 0.09 + q T³/3, whatever the share."""
     filter_ = estimator(SCALED if states == 4 else Layout())
     assert filter_.accept_feedback(10 * NS_PER_S, MEAN[:states], P[:states, :states], share)

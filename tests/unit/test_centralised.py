@@ -22,7 +22,7 @@ def fix(value: float) -> object:
     return lambda mean, covariance: [((1.0, 0.0, 0.0), value, 1.0)]
 
 
-def test_two_fixes_in_any_order_of_coming_are_averaged_where_they_are_true():
+def test_two_fixes_in_any_order_are_averaged_at_their_times():
     """Prior variance 1 at 0 m, a fix of 2 m at once: 1 m, variance 1/2. A second on: 11 m; a fix of 12.5 m: 11.5 m, 1/3."""
     readings = [reading(2.0, fix(12.5), "g"), reading(1.0, fix(2.0), "g")]
     out = {at: (x, P) for at, x, P in centralised(readings, [S, 2 * S, 3 * S], Layout(), 1e-12, STILL)}
@@ -32,7 +32,7 @@ def test_two_fixes_in_any_order_of_coming_are_averaged_where_they_are_true():
     assert out[3 * S][0][0] == pytest.approx(21.5)
 
 
-def test_a_reading_is_linearised_at_what_all_readings_before_it_say():
+def test_a_reading_is_linearised_at_the_belief_from_all_earlier_readings():
     """A wheel z = (1 + κ) v at v = 10 m/s, known: κ = 0.1 after z = 11 with a variance that says nothing else."""
     seen = []
 
@@ -59,7 +59,7 @@ def test_a_unit_without_private_states_sees_the_common_ones_alone():
     assert sizes == [((3,), (3, 3))]
 
 
-def test_the_prior_sits_at_the_time_given_whatever_silent_readings_came_before_it():
+def test_the_prior_sits_at_the_given_time():
     readings = [reading(0.5, lambda mean, covariance: []), reading(2.0, fix(10.0), "g")]
     out = list(centralised(readings, [S // 2, S, 2 * S], Layout(), 1e-12, STILL, begins_ns=S))
     assert [at for at, _, _ in out] == [S, 2 * S]

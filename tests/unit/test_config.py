@@ -110,7 +110,7 @@ MISTAKES = (
     Mistake("span backwards", "units.radar.withhold_s", "", {"units.radar.withhold_s": [[6.0, 5.0]]}),
     # sources
     Mistake("unknown source", "units.radar.source", "recording", {"units.radar.source": "device"}),
-    Mistake("recording not named", "units.gnss.recording", "needed", {"units.gnss": {**GNSS, "recording": None}}, GEOMETRY),
+    Mistake("recording not named", "units.gnss.recording", "required", {"units.gnss": {**GNSS, "recording": None}}, GEOMETRY),
     Mistake(
         "recording missing", "units.gnss.recording", "no such file", {"units.gnss": {**GNSS, "recording": "no.csv"}}, GEOMETRY
     ),
@@ -127,8 +127,8 @@ MISTAKES = (
         {"units.gnss": {"kind": "gnss", "position_std_m": {"single": 1.0}}},
         GEOMETRY,
     ),
-    Mistake("receiver left out", "units.gnss.receiver", "needed", {"units.gnss": RECEIVER}, GEOMETRY),
-    Mistake("receiver of a radar", "units.radar.receiver", "needed", {"units.radar.source": "receiver"}),
+    Mistake("receiver left out", "units.gnss.receiver", "required", {"units.gnss": RECEIVER}, GEOMETRY),
+    Mistake("receiver of a radar", "units.radar.receiver", "required", {"units.radar.source": "receiver"}),
     Mistake("live beside a world", "units.gnss.receiver", "world", {"units.gnss": {**RECEIVER, "receiver": LIVE}}, GEOMETRY),
     Mistake("two ways in", "units.gnss.receiver", "one of", {"units.gnss": {**RECEIVER, "receiver": TWO_WAYS}}, GEOMETRY),
     Mistake("position without geometry", "units.gnss", "geometry", {"units.gnss": GNSS}),
@@ -167,7 +167,7 @@ MISTAKES = (
     Mistake("line missing", "", "No such file", {"line": "no.yaml"}, file="no.yaml"),
     Mistake("line is a folder", "", "directory", {"line": "."}, file=""),
     Mistake("unknown key of a line", "lenght_m", "unknown key", line={"lenght_m": 1.0}, file="line.yaml"),
-    Mistake("no length", "length_m", "needed", line={"length_m": REMOVED}, file="line.yaml"),
+    Mistake("no length", "length_m", "required", line={"length_m": REMOVED}, file="line.yaml"),
     Mistake("length 0", "length_m", "greater than 0", line={"length_m": 0.0}, file="line.yaml"),
     Mistake(
         "balise beyond the line",
@@ -318,7 +318,7 @@ def up_says(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str])
     return run
 
 
-def test_the_unspoilt_files_load(tmp_path: Path) -> None:
+def test_the_valid_files_load(tmp_path: Path) -> None:
     train = load_train(write_files(tmp_path, Mistake("none", "")))
     assert list(train.sensors) == ["radar", "loop", "balise-reader"]
     assert train.fused_units == ["radar", "loop"]
@@ -356,7 +356,7 @@ TEXTS = {
 
 
 @pytest.mark.parametrize("name", TEXTS)
-def test_what_is_not_sound_yaml_is_one_line(tmp_path: Path, up_says: Any, name: str) -> None:
+def test_invalid_yaml_is_reported_in_one_line(tmp_path: Path, up_says: Any, name: str) -> None:
     text, field_, says = TEXTS[name]
     path = tmp_path / "train.yaml"
     path.write_text(text, encoding="utf-8")
@@ -365,7 +365,7 @@ def test_what_is_not_sound_yaml_is_one_line(tmp_path: Path, up_says: Any, name: 
     assert says in line
 
 
-def test_a_file_that_is_not_text_or_not_there_is_one_line(tmp_path: Path, up_says: Any) -> None:
+def test_an_unreadable_file_is_reported_in_one_line(tmp_path: Path, up_says: Any) -> None:
     path = tmp_path / "train.yaml"
     assert up_says("up", "--train", str(path)) == f"milepost: {path}: No such file or directory"
     path.write_bytes(b"\xff\xfe\x00t")
@@ -374,7 +374,7 @@ def test_a_file_that_is_not_text_or_not_there_is_one_line(tmp_path: Path, up_say
 
 
 @pytest.mark.parametrize("endpoint", ["here", "tcp/127.0.0.1:99999", "tcp/127.0.0.1:", "tcp/:x", "udp/127.0.0.1:7447", ""])
-def test_an_endpoint_that_cannot_be_is_one_line(tmp_path: Path, up_says: Any, endpoint: str) -> None:
+def test_an_invalid_endpoint_is_reported_in_one_line(tmp_path: Path, up_says: Any, endpoint: str) -> None:
     assert up_says("up", "--train", str(write_train(tmp_path)), "--listen", endpoint).startswith("milepost: up: --listen: ")
 
 
@@ -392,7 +392,7 @@ SCENARIO_MISTAKES: dict[str, tuple[dict[str, Any], str, str]] = {
 
 
 @pytest.mark.parametrize("name", SCENARIO_MISTAKES)
-def test_a_mistake_in_a_scenario_is_one_line(tmp_path: Path, up_says: Any, name: str) -> None:
+def test_a_mistake_in_a_scenario_is_reported_in_one_line(tmp_path: Path, up_says: Any, name: str) -> None:
     changes, field_, says = SCENARIO_MISTAKES[name]
     write_train(tmp_path)
     path = tmp_path / "scenario.yaml"
@@ -402,7 +402,7 @@ def test_a_mistake_in_a_scenario_is_one_line(tmp_path: Path, up_says: Any, name:
     assert says in line
 
 
-def test_a_change_in_a_scenario_that_spoils_the_train_is_the_scenarios_mistake_and_names_the_field(tmp_path: Path) -> None:
+def test_an_invalid_change_is_reported_with_the_scenario_and_field(tmp_path: Path) -> None:
     write_train(tmp_path)
     path = tmp_path / "scenario.yaml"
     path.write_text(yaml.safe_dump({**SCENARIO_FILE, "change": {"prior": {"speed_mps": "fast"}}}), encoding="utf-8")
@@ -412,7 +412,7 @@ def test_a_change_in_a_scenario_that_spoils_the_train_is_the_scenarios_mistake_a
     assert "prior.speed_mps: " in str(caught.value)
 
 
-def test_a_scenarios_changes_seed_and_rule_lie_over_the_train_and_leave_the_rest(tmp_path: Path) -> None:
+def test_a_scenarios_changes_seed_and_rule_override_the_train_file(tmp_path: Path) -> None:
     write_train(tmp_path)
     path = tmp_path / "scenario.yaml"
     path.write_text(yaml.safe_dump({**SCENARIO_FILE, "seed": 5, "change": {"prior": {"speed_mps": 7.0}}}), encoding="utf-8")
@@ -438,7 +438,7 @@ def run_up(train: Path) -> tuple[int, str, str]:
 
 
 @pytest.mark.parametrize("name", ["unknown sensor", "recording broken", "geometry broken"])
-def test_the_command_exits_with_2_and_that_line_and_starts_nothing(tmp_path: Path, name: str) -> None:
+def test_the_command_exits_with_2_and_starts_no_process(tmp_path: Path, name: str) -> None:
     mistake = next(m for m in MISTAKES if m.name == name)
     code, out, err = run_up(write_files(tmp_path, mistake))
     assert (code, out) == (2, "")
@@ -457,7 +457,7 @@ def test_defaults_are_those_of_the_design(tmp_path: Path) -> None:
     assert line.balises[0].location_accuracy_m == 12.0
 
 
-def test_balises_of_a_rule_stand_at_equal_distances_up_to_the_end(tmp_path: Path) -> None:
+def test_balises_of_a_rule_stand_at_equal_distances(tmp_path: Path) -> None:
     write_train(tmp_path, line={"length_m": 1000.0, "balises": {"every_m": 250.0, "from_m": 0.0, "prefix": "x"}})
     line = load_line(tmp_path / "line.yaml")
     assert [(b.balise_id, b.position_m) for b in line.balises] == [
@@ -476,7 +476,7 @@ def test_listed_balises_are_put_in_order_of_chainage(tmp_path: Path) -> None:
     assert [(b.balise_id, b.location_accuracy_m) for b in line.balises] == [("near", 0.5), ("far", 12.0)]
 
 
-def test_a_lines_length_is_its_geometrys_where_it_says_none(tmp_path: Path) -> None:
+def test_a_lines_length_defaults_to_its_geometrys(tmp_path: Path) -> None:
     write_files(tmp_path, Mistake("none", "", line=GEOMETRY))
     line = load_line(tmp_path / "line.yaml")
     assert line.track is not None
@@ -505,7 +505,7 @@ def test_the_lines_hash_changes_with_its_content(tmp_path: Path, change: dict[st
     assert (load_line(path).content_hash != before) == differs
 
 
-def test_paths_are_meant_from_the_file_that_names_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_paths_are_relative_to_the_file_that_names_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "trains").mkdir()
     (tmp_path / "elsewhere").mkdir()
     path = write_train(tmp_path / "trains")
@@ -513,7 +513,7 @@ def test_paths_are_meant_from_the_file_that_names_them(tmp_path: Path, monkeypat
     assert load_train(path).file.line == tmp_path / "trains" / "line.yaml"
 
 
-def test_numbers_in_yaml_1_2_are_numbers(tmp_path: Path) -> None:
+def test_floats_of_yaml_1_2_are_numbers(tmp_path: Path) -> None:
     path = tmp_path / "a.yaml"
     path.write_text("a: 1e-6\nb: -2E3\nc: 1.5e+2\nd: 7\ne: 1e\n", encoding="utf-8")
     assert read_yaml(path) == {"a": 1e-6, "b": -2000.0, "c": 150.0, "d": 7, "e": "1e"}

@@ -50,9 +50,7 @@ def smallest_eigenvalue_of_correlation(matrix: Array) -> float:
 
 @settings(max_examples=100)
 @given(n=sizes, seed=seeds, std=scales, exponents=st.lists(st.floats(-14.0, 0.0), min_size=8, max_size=8))
-def test_a_positive_definite_matrix_passes_however_badly_it_is_scaled(
-    n: int, seed: int, std: list[float], exponents: list[float]
-) -> None:
+def test_a_positive_definite_matrix_passes_at_any_scaling(n: int, seed: int, std: list[float], exponents: list[float]) -> None:
     assert accepts(scaled(with_eigenvalues([10.0**e for e in exponents[:n]], seed), std))
 
 
@@ -65,9 +63,7 @@ def test_a_singular_matrix_passes(n: int, rank: int, seed: int, std: list[float]
 
 @settings(max_examples=100)
 @given(n=st.integers(2, 8), seed=seeds, std=scales, exponent=st.floats(-3.0, 0.0))
-def test_a_matrix_with_a_negative_eigenvalue_is_refused_however_badly_it_is_scaled(
-    n: int, seed: int, std: list[float], exponent: float
-) -> None:
+def test_a_negative_eigenvalue_is_refused_at_any_scaling(n: int, seed: int, std: list[float], exponent: float) -> None:
     matrix = with_eigenvalues([1.0] * (n - 1) + [-(10.0**exponent)], seed)
     assume(np.diag(matrix).min() > 0.0 and smallest_eigenvalue_of_correlation(matrix) < -1e-4)
     assert not accepts(scaled(matrix, std))
@@ -79,7 +75,7 @@ def test_a_matrix_with_a_negative_eigenvalue_is_refused_however_badly_it_is_scal
     std=scales,
     data=st.data(),
 )
-def test_it_says_what_numpy_says_of_any_symmetric_matrix(n: int, std: list[float], data: st.DataObject) -> None:
+def test_it_agrees_with_numpy_on_symmetric_matrices(n: int, std: list[float], data: st.DataObject) -> None:
     correlation = np.eye(n)
     for i in range(n):
         for j in range(i):
@@ -97,7 +93,7 @@ def test_it_says_what_numpy_says_of_any_symmetric_matrix(n: int, std: list[float
 
 @pytest.mark.parametrize("dt_s", [1e-3, 0.01, 0.1, 1.0, 10.0, 60.0])
 @pytest.mark.parametrize("jerk_psd", [1e-9, 1e-6, 1e-2, 1.0])
-def test_what_a_filter_computes_passes(dt_s: float, jerk_psd: float) -> None:
+def test_a_filters_covariance_passes(dt_s: float, jerk_psd: float) -> None:
     from milepost.estimation.motion import process_noise, transition
 
     P = np.diag([0.02**2, 0.1**2, 0.01**2])
@@ -131,7 +127,7 @@ def test_a_negative_variance_is_refused_wherever_it_stands(at: int) -> None:
 
 
 @pytest.mark.parametrize("matrix", [[], [[]], [[1.0, 0.0]], [[1.0], [0.0]], [[1.0, 0.0], [0.0]], [[1.0, 0.0], [0.0, 1.0, 0.0]]])
-def test_what_is_not_square_is_refused(matrix: list[list[float]]) -> None:
+def test_a_matrix_that_is_not_square_is_refused(matrix: list[list[float]]) -> None:
     assert not accepts(matrix)
 
 
@@ -157,7 +153,7 @@ def test_a_correlation_may_pass_one_by_rounding_and_no_more(std: float, sign: fl
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_it_does_not_matter_in_which_order_the_states_stand(seed: int) -> None:
+def test_the_order_of_the_states_does_not_matter(seed: int) -> None:
     rng = np.random.default_rng(seed)
     order = rng.permutation(4)
     sound = scaled(with_eigenvalues([1.0, 0.1, 1e-3, 0.0], seed), [1e6, 1e-6, 1.0, 1e3])
@@ -167,7 +163,7 @@ def test_it_does_not_matter_in_which_order_the_states_stand(seed: int) -> None:
 
 
 @pytest.mark.parametrize("huge", [1e30, 1e200, 1e308])
-def test_a_covariance_beyond_all_bounds_of_its_variances_is_refused_even_where_it_overflows(huge: float) -> None:
+def test_a_covariance_that_overflows_is_refused(huge: float) -> None:
     assert not accepts([[1e-10, huge], [huge, 1e-10]])
     assert not accepts([[1e-10, 0.0, huge], [0.0, 1e-10, 0.0], [huge, 0.0, 1e-10]])
     assert not accepts([[1e-300, 0.0, huge], [0.0, 1.0, huge], [huge, huge, 1.0]])

@@ -43,13 +43,13 @@ def test_an_event_shorter_than_its_ramps_reaches_its_ratio_in_its_middle() -> No
     assert CreepEvent(0.0, 1.0, -0.3, 5.0).at(0.5) == pytest.approx(-0.3)
 
 
-def test_an_event_of_one_unit_leaves_the_other_gripping_and_events_add_up_to_no_less_than_a_lock() -> None:
+def test_events_of_one_unit_add_up_to_at_most_a_lock() -> None:
     creep = Creep(Steady(), LEVEL, 1, [CreepEvent(0.0, 9.0, -0.7, 1.0, ("a",)), CreepEvent(0.0, 9.0, -0.5, 1.0)], None)
     assert creep.at("a", 5.0) == -1.0
     assert creep.at("b", 5.0) == pytest.approx(-0.5)
 
 
-def test_wheels_grip_where_the_rail_gives_more_than_is_asked() -> None:
+def test_wheels_grip_while_the_demand_is_below_the_adhesion() -> None:
     """0.98 m/s² of 0.15 g on two thirds of the weight, 0.986 m/s², is just not too much."""
     dry = Adhesion(dry=(0.15, 0.15), poor_part=0.0, driven_part=0.67)
     assert Creep(Steady(a=0.98), LEVEL, 1, [], dry).at("o", 5.0) == 0.0
@@ -64,7 +64,7 @@ def test_creep_grows_with_the_excess_in_the_direction_of_the_force(a: float, sig
     assert Creep(Steady(a=10.0 * a), LEVEL, 1, [], wet).at("o", 1.0) == pytest.approx(sign * min(0.5, 0.1 * 19.394))
 
 
-def test_holding_speed_uphill_asks_for_traction() -> None:
+def test_holding_speed_uphill_demands_traction() -> None:
     hill = Line("l", 20000.0, (), gradient=((0.0, 0.05),))
     slippery = Adhesion(dry=(0.04, 0.04), poor_part=0.0, driven_part=1.0, creep_per_excess=0.4)
     assert Creep(Steady(), hill, 1, [], slippery).at("o", 5.0) == pytest.approx(0.4 * (0.05 / 0.04 - 1.0))
@@ -77,7 +77,7 @@ def test_a_unit_on_a_trailing_axle_does_not_creep() -> None:
     assert creep.at("trailing", 5.0) == 0.0
 
 
-def test_patches_are_as_often_poor_as_said_and_a_property_of_the_place() -> None:
+def test_the_share_of_poor_patches_is_as_configured() -> None:
     """Of 2000 patches a tenth is poor: 200 with a standard error of 13.4."""
     adhesion = Adhesion(poor_part=0.1, patch_m=10.0)
     creep = Creep(Steady(), LEVEL, 7, [], adhesion)
@@ -102,7 +102,7 @@ def test_friction_has_no_jumps() -> None:
     assert float(np.max(np.abs(np.diff(frictions)))) < 0.27 / 8.0 * 0.0101
 
 
-def test_a_world_without_adhesion_has_no_friction_to_tell() -> None:
+def test_a_world_without_adhesion_has_no_friction() -> None:
     with pytest.raises(ValueError, match="adhesion"):
         Creep(Steady(), LEVEL, 1, [], None).friction(5.0)
 
@@ -123,12 +123,12 @@ def test_a_world_file_s_creep_is_built_as_written() -> None:
         ({"adhesion": {"wet": 0.1}}, "Extra"),
     ],
 )
-def test_a_mistake_in_creep_is_said(content: dict[str, Any], says: str) -> None:
+def test_a_mistake_in_creep_is_reported(content: dict[str, Any], says: str) -> None:
     with pytest.raises(ValidationError, match=says):
         CreepFile.model_validate(content)
 
 
-def test_a_creep_event_of_a_unit_that_is_not_there_is_a_mistake() -> None:
+def test_a_creep_event_of_an_unknown_unit_is_a_mistake() -> None:
     event = {"from_s": 1.0, "to_s": 3.0, "ratio": 0.1, "units": ["nobody"]}
     with pytest.raises(ConfigError, match=r"world\.creep\.events\.0\.units: nobody is not a unit"):
         load_train(TRAINS / "maglev.yaml", {"world": {"creep": {"events": [event]}}})

@@ -69,7 +69,7 @@ def test_what_these_pass_on_does_not_depend_on_feedback(kind):
 
 
 @pytest.mark.parametrize("kind", LEARNING)
-def test_late_duplicate_and_untimely_readings_teach_nothing(kind):
+def test_nothing_is_learned_from_late_duplicate_or_untimely_readings(kind):
     told = readings(60)
     undisturbed, disturbed = built(kind), built(kind)
     expected, out = [], []
@@ -87,7 +87,7 @@ def test_late_duplicate_and_untimely_readings_teach_nothing(kind):
 
 
 @pytest.mark.parametrize("kind", LEARNING)
-def test_a_late_reading_passes_at_what_is_known_of_the_noise(kind):
+def test_a_late_reading_passes_with_the_learned_variance(kind):
     told, local = readings(100), built(kind)
     passed_on(local, told)
     late = told[-1]._replace(measured_at_ns=told[-1].measured_at_ns - NS_PER_S // 10, sequence=500, value=4.0 * 98.5)
@@ -120,7 +120,7 @@ def test_the_components_of_a_reading_have_noise_of_their_own(kind):
 
 
 @pytest.mark.parametrize("kind", LEARNING)
-def test_noise_that_states_a_ninth_of_its_variance_is_found_out(kind):
+def test_a_variance_stated_nine_times_too_small_is_corrected(kind):
     stated = [o.variance for o in passed_on(built(kind), readings(200))[100:]]
     assert 5.0 < np.median(stated) < 16.0
 
@@ -168,7 +168,7 @@ def test_before_anything_is_known_the_prior_is_expected():
         (lambda: PuRlsOptions(particles=10**9), "particles: must be at most 100"),
     ],
 )
-def test_options_that_mean_nothing_are_refused(options, wrong):
+def test_invalid_options_are_refused(options, wrong):
     with pytest.raises(ValueError, match=wrong):
         options()
 

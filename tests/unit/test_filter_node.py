@@ -64,7 +64,7 @@ def test_readings_at_the_ends_of_their_ranges_are_used_or_refused(kind: str, fil
 
 
 @pytest.mark.parametrize("kind", ["odometer", "doppler_radar"])
-def test_feedback_that_no_train_can_be_in_is_refused_and_changes_nothing(kind: str) -> None:
+def test_impossible_feedback_is_refused_and_changes_nothing(kind: str) -> None:
     to = node(kind, "kalman")
     states = to._names
     n = len(states)
@@ -81,7 +81,7 @@ def test_feedback_that_no_train_can_be_in_is_refused_and_changes_nothing(kind: s
     assert after.feedback_epoch_ns is None
 
 
-def test_a_filter_that_catches_up_tells_its_observer(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_filter_that_catches_up_restarts_its_observer(monkeypatch: pytest.MonkeyPatch) -> None:
     to, told = node("doppler_radar", "kalman"), []
     monkeypatch.setattr(to._observer, "restarted", lambda: told.append("restarted"))
     assert to.catch_up(fed_back(1, to._names, 0.0, np.eye(3).tolist()), T0 + STEP)

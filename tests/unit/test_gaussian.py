@@ -18,7 +18,7 @@ def belief(seed: int, n: int) -> tuple[np.ndarray, np.ndarray]:
 
 @settings(deadline=None)
 @given(seed=st.integers(0, 2**32 - 1), n=st.integers(3, 8), share=st.floats(0.01, 1.0))
-def test_dividing_the_common_block_keeps_what_is_known_of_the_private_states_given_it(seed, n, share):
+def test_dividing_the_common_block_keeps_the_private_states_conditional_belief(seed, n, share):
     mean, P = belief(seed, n)
     out = inflate_common(mean, P, share)
     np.testing.assert_allclose(out[:3, :3], P[:3, :3] / share)

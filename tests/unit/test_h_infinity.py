@@ -76,7 +76,7 @@ def test_an_infinite_bound_is_the_kalman_filter():
     np.testing.assert_allclose(a[1], b[1], rtol=1e-9, atol=1e-15)
 
 
-def test_the_sources_own_combination_is_a_kalman_filter_that_trusts_its_readings_less():
+def test_the_sources_combination_equals_a_kalman_filter_with_larger_noise():
     # H = L: P⁻¹ + (1 - γ⁻²)/R
     kernel = HInfinityKernel(Layout(), 1e-2, gamma=2.3)
     _, P = kernel.update((np.zeros(3), np.diag([1.0, 4.0, 1.0])), (0.0, 1.0, 0.0), 6.0, 0.5)
@@ -99,7 +99,7 @@ def step(local: HInfinityFilter, o: Observation) -> list[str]:
     return [notice.code for notice in local.notices()]
 
 
-def test_a_stretch_without_a_filter_is_said_once_and_so_is_its_end():
+def test_beginning_and_end_without_a_filter_are_reported_once():
     # the prior's speed is uncertain by 2 m/s over √β; one radar reading of 0.2 m/s makes it certain, a minute of silence not
     local = HInfinityFilter(SETUP, HInfinityOptions(gamma=1.0, speed_scale_mps=0.25))
     first = readings()
@@ -122,6 +122,6 @@ def test_where_there_is_no_filter_the_kalman_step_is_taken():
 
 
 @pytest.mark.parametrize("options", [{"gamma": 0.0}, {"gamma": math.nan}, {"position_scale_m": -1.0}])
-def test_options_that_mean_nothing_are_refused(options):
+def test_invalid_options_are_refused(options):
     with pytest.raises(ValueError, match=f"{next(iter(options))}: must be above 0"):
         HInfinityOptions(**options)

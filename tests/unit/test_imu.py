@@ -38,7 +38,7 @@ def belief(s: float, std: float = 1e-6, states: int = 4) -> Belief:
     return Belief(np.array([s, *[0.0] * (states - 1)]), covariance)
 
 
-def test_on_the_level_at_rest_it_feels_gravity_alone_and_no_turn() -> None:
+def test_at_rest_on_the_level_it_measures_gravity_alone() -> None:
     (_, fields), *_ = readings(QUIET, world([(0.0, 0.0)]), 1)
     assert fields["specific_force_mps2"] == pytest.approx([0.0, 0.0, -GRAVITY_MPS2], abs=1e-7)
     assert fields["turn_rate_radps"] == [0.0, 0.0, 0.0]
@@ -92,7 +92,7 @@ def test_hand_made_bytes_become_the_observation() -> None:
     assert variance == pytest.approx(0.05)
 
 
-def test_in_a_curve_it_feels_the_turn_and_the_pull_to_its_side() -> None:
+def test_in_a_curve_it_measures_turn_rate_and_lateral_force() -> None:
     class Bend:
         def curvature(self, position_m: float) -> float:
             return 1.0 / 1000.0

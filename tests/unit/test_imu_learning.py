@@ -39,7 +39,7 @@ def learning(**options: Any) -> Any:
     return sensor("imu", LINE, "imu", model_bias=False, learn={"trusted_position_std_m": 5.0}, **options).observer()
 
 
-def test_a_unit_that_learns_needs_a_belief_and_one_that_does_not_is_its_own_observer() -> None:
+def test_only_a_learning_unit_needs_a_belief_and_an_observer() -> None:
     unit = sensor("imu", LINE, "imu")
     assert unit.observer() is unit
     assert sensor("imu", LINE, "imu", model_bias=False, learn={}).needs_belief
@@ -52,14 +52,14 @@ def test_a_learned_error_and_a_bias_in_the_state_exclude_each_other() -> None:
         sensor("imu", LINE, "imu", learn={})
 
 
-def test_before_it_learned_a_reading_is_worth_what_the_data_sheet_says() -> None:
+def test_before_learning_a_reading_has_the_data_sheets_variance() -> None:
     """N²/Δ = 0.025; c = δ² = 2.5e-5, T = √(3 · 1/0.01) = 17.3 s: 3 c T/Δ = 0.01299 more."""
     ((row, value, variance),) = learning().observe(inertial(0.25), belief())
     assert (row, value) == ((0.0, 0.0, 1.0), 0.25)
     assert variance == pytest.approx(0.025 + 3.0 * 2.5e-5 * math.sqrt(300.0) / 0.1)
 
 
-def test_it_learns_while_the_belief_is_good_keeps_it_in_an_outage_and_says_both_once() -> None:
+def test_learning_stops_in_an_outage_and_both_are_reported_once() -> None:
     observer = learning()
     for k in range(2001):
         ((_, taught, _),) = observer.observe(inertial(0.01, 0.1 * k), belief())
@@ -123,7 +123,7 @@ def after_outages(kind: str) -> tuple[float, float]:
 
 
 @pytest.mark.slow
-def test_what_was_learned_makes_an_outage_harmless_as_a_bias_in_the_state_would() -> None:
+def test_a_learned_error_bounds_an_outage_as_a_bias_state_does() -> None:
     """Source C claims 0.41 of the plain filter's error in an outage."""
     plain, learned, state = (after_outages(kind)[0] for kind in ("plain", "learned", "state"))
     assert learned < 0.41 * plain
@@ -131,7 +131,7 @@ def test_what_was_learned_makes_an_outage_harmless_as_a_bias_in_the_state_would(
     assert learned < 1.6 * state
 
 
-def test_the_corrected_readings_leave_the_fused_state_honest_and_uncorrected_ones_do_not() -> None:
+def test_only_corrected_readings_keep_the_fused_state_consistent() -> None:
     """Mean NEES of 3 states over 8 runs: below 3 + 1.96 √(6/8)."""
     bound = 3.0 + 1.96 * math.sqrt(6.0 / RUNS)
     assert after_outages("learned")[1] < bound

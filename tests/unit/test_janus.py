@@ -58,7 +58,7 @@ def test_two_beams_halve_the_variance_of_one() -> None:
     assert np.var(shown(said) - 20.0) == pytest.approx(0.02, rel=4.0 * math.sqrt(2.0 / len(said)))
 
 
-def test_one_beam_alone_says_that_pitch_leaks_in() -> None:
+def test_one_beam_alone_states_the_leaking_pitch() -> None:
     """20 m/s at 45° with 0.2°: 0.0698 m/s; at 20 Hz with τ = 0.2 s worth 1/coth(0.125) = 1/8.0416 of a reading."""
     options = {"body_pitch_std_deg": 0.2, "dropout_rate_hz": 0.2, "dropout_mean_s": 2.0, "mounting_pitch_deg": 1.0}
     said = readings(world(end_s=1000.0), **options, **LEVEL)

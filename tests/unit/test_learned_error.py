@@ -76,7 +76,7 @@ def test_a_fused_speed_that_is_off_by_a_constant_hides_no_bias() -> None:
     assert 0.6 * 0.006 < errors[0] < 0.006
 
 
-def test_what_was_learned_stays_in_an_outage_and_its_variance_grows() -> None:
+def test_the_learned_error_stays_in_an_outage_with_growing_variance() -> None:
     learned = LearnedError(MODEL)
     taught(learned, 0.006, 200.0)
     learned.pause()
@@ -86,7 +86,7 @@ def test_what_was_learned_stays_in_an_outage_and_its_variance_grows() -> None:
     assert c_end - c == pytest.approx(MODEL.bias_std**2)
 
 
-def test_a_gap_or_an_outage_drops_the_sample_in_the_making() -> None:
+def test_a_gap_or_an_outage_drops_the_current_sample() -> None:
     learned = LearnedError(MODEL)
     assert taught(learned, 0.006, 9.0) == 0
     assert taught(learned, 0.006, 9.0, from_s=20.0) == 0
@@ -95,7 +95,7 @@ def test_a_gap_or_an_outage_drops_the_sample_in_the_making() -> None:
     assert learned.correction(40.0)[0] == 0.0
 
 
-def test_a_reading_that_comes_late_and_two_that_never_come_cost_no_sample() -> None:
+def test_a_late_reading_and_two_lost_ones_keep_the_sample() -> None:
     learned, fits = LearnedError(MODEL), 0
     for k in range(402):
         if k % 50 in (20, 21):
@@ -105,7 +105,7 @@ def test_a_reading_that_comes_late_and_two_that_never_come_cost_no_sample() -> N
     assert fits == int(40.0 // MODEL.window_s)
 
 
-def test_before_it_learned_it_knows_the_data_sheet_alone() -> None:
+def test_before_learning_the_data_sheet_applies() -> None:
     assert LearnedError(MODEL).correction(0.0) == (0.0, pytest.approx(MODEL.bias_std**2))
 
 

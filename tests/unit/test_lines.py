@@ -45,15 +45,15 @@ def test_a_tunnel_begins_with_its_first_metre_and_ends_before_its_last(tmp_path:
     [
         ({"gradient": [[100.0, 1.0], [100.0, 2.0]]}, "gradient.1", "increase"),
         ({"gradient": [[100.0, 1.0], [5000.1, 2.0]]}, "gradient.1", "beyond"),
-        ({"gradient": [[100.0, 100.0]]}, "gradient.0", "less than 100"),
-        ({"gradient": [[100.0, -100.0]]}, "gradient.0", "less than 100"),
+        ({"gradient": [[100.0, 100.0]]}, "gradient.0", "within ±100 permille"),
+        ({"gradient": [[100.0, -100.0]]}, "gradient.0", "within ±100 permille"),
         ({"gradient": [[-1.0, 1.0]]}, "gradient.0", "below 0"),
         ({"gradient": [[100.0]]}, "gradient.0", "at least 2"),
         ({"tunnels": [[200.0, 100.0]]}, "tunnels.0", "after it begins"),
         ({"tunnels": [[100.0, 300.0], [200.0, 400.0]]}, "tunnels.1", "begins before"),
         ({"tunnels": [[-1.0, 300.0]]}, "tunnels.0", "begins before"),
         ({"tunnels": [[100.0, 5001.0]]}, "tunnels.0", "beyond"),
-        ({"geojson": "a.geojson", "path_csv": "b.csv"}, "path_csv", "one geometry"),
+        ({"geojson": "a.geojson", "path_csv": "b.csv"}, "path_csv", "beside geojson"),
         ({"path_csv": "no.csv"}, "path_csv", "No such file"),
         ({"path_csv": "bad.csv"}, "path_csv", "ecef_y_m: missing"),
         ({"path_csv": "text.csv"}, "path_csv", "line 3"),
@@ -62,7 +62,7 @@ def test_a_tunnel_begins_with_its_first_metre_and_ends_before_its_last(tmp_path:
         ({"path_csv": "empty.csv"}, "path_csv", "two points"),
     ],
 )
-def test_a_mistake_in_a_profile_or_path_names_its_field(tmp_path: Path, change: dict[str, Any], field: str, says: str) -> None:
+def test_a_mistake_in_a_profile_or_path_names_the_field(tmp_path: Path, change: dict[str, Any], field: str, says: str) -> None:
     head = "ecef_x_m,ecef_y_m,ecef_z_m\n"
     (tmp_path / "bad.csv").write_text("ecef_x_m,ecef_z_m\n6378137,0\n")
     (tmp_path / "text.csv").write_text(head + "6378137,0,0\n6378137,0,x\n")

@@ -48,14 +48,14 @@ def said(text: str) -> Event:
     return Event(**fields, severity="info", code="c", text=text)
 
 
-def test_ticks_come_in_the_order_of_time_whoever_wants_them() -> None:
+def test_ticks_come_in_order_of_time() -> None:
     heard: Heard = []
     nodes = [Listener("a", heard, EVENTS, [30, 50]), Listener("b", [], [], [10, 40])]
     assert MemoryBus(nodes).run_until(100) is None
     assert heard == [("a", "b", 10), ("a", "a", 30), ("a", "b", 40), ("a", "a", 50)]
 
 
-def test_a_run_ends_before_its_end_and_tells_when_the_next_tick_is() -> None:
+def test_a_run_returns_the_time_of_the_next_tick() -> None:
     heard: Heard = []
     bus = MemoryBus([Listener("a", heard, EVENTS, [10, 20, 30])])
     assert bus.run_until(20) == 20
@@ -83,7 +83,7 @@ def test_a_message_reaches_all_that_subscribe_to_its_stream_and_unit() -> None:
     assert heard == [("any", "hello", 7), ("radar", "hello", 7)]
 
 
-def test_what_comes_of_a_message_is_delivered_after_it_at_the_same_time() -> None:
+def test_outputs_of_a_step_are_delivered_after_it_at_the_same_time() -> None:
     heard: Heard = []
     relay = Relay("relay", heard, EVENTS)
     listener = Listener("listener", heard, [*EVENTS, Subscription("fix")])
@@ -92,7 +92,7 @@ def test_what_comes_of_a_message_is_delivered_after_it_at_the_same_time() -> Non
     assert heard == [("relay", "one", 5), ("listener", "one", 5), ("listener", "one, again", 5)]
 
 
-def test_a_tap_sees_every_message_once_even_if_nobody_listens() -> None:
+def test_a_tap_sees_every_message_once() -> None:
     seen: list[tuple[str, str, int]] = []
     bus = MemoryBus([Listener("a", [], [], [10])], tap=lambda output, now_ns: seen.append((output.stream, output.unit, now_ns)))
     bus.inject("estimate", "radar", said("x"), 3)
@@ -100,7 +100,7 @@ def test_a_tap_sees_every_message_once_even_if_nobody_listens() -> None:
     assert seen == [("estimate", "radar", 3), ("event", "", 10)]
 
 
-def test_whoever_asks_is_told_each_time_before_a_step() -> None:
+def test_before_step_is_called_before_each_step() -> None:
     times: list[int] = []
     heard: Heard = []
     bus = MemoryBus([Listener("a", heard, EVENTS, [10, 20])], before_step=lambda now_ns: times.append(now_ns + len(heard)))

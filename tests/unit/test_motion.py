@@ -34,9 +34,7 @@ def polynomial(c: list[float], t: float) -> list[float]:
     knots=st.lists(st.tuples(coefficient, coefficient, coefficient), min_size=2, max_size=6),
     steps=st.lists(st.floats(0.01, 5.0), min_size=5, max_size=5),
 )
-def test_a_motion_passes_through_its_knots_in_position_speed_and_acceleration(
-    knots: list[tuple[float, float, float]], steps: list[float]
-) -> None:
+def test_a_motion_passes_through_its_knots(knots: list[tuple[float, float, float]], steps: list[float]) -> None:
     times = np.cumsum([0.0, *steps])[: len(knots)]
     motion = KnotMotion(times, np.array(knots))
     for t, knot in zip(times, knots, strict=True):
@@ -69,7 +67,7 @@ def test_beyond_its_knots_a_motion_stays_where_it_was() -> None:
 
 
 @pytest.mark.parametrize("driver_s", [None, 60.0])
-def test_a_seed_is_one_motion_whatever_is_asked_first(driver_s: float | None) -> None:
+def test_a_seed_gives_one_motion_in_any_order_of_calls(driver_s: float | None) -> None:
     times = np.random.default_rng(3).uniform(0.0, 12 * BLOCK_S, 60)
     forward, backward, shuffled = (white_jerk(driver_s=driver_s) for _ in range(3))
     expected = {t: forward.at(t) for t in sorted(times)}
@@ -82,7 +80,7 @@ def test_a_seed_is_one_motion_whatever_is_asked_first(driver_s: float | None) ->
     assert white_jerk(driver_s=driver_s).at(late) == expected[late]
 
 
-def test_other_seeds_are_other_motions_from_the_start() -> None:
+def test_other_seeds_give_other_motions_from_the_start() -> None:
     starts = {white_jerk(seed).at(0.0) for seed in range(20)}
     middles = {white_jerk(seed).at(5.0)[2] - white_jerk(seed).at(0.0)[2] for seed in range(20)}
     assert len(starts) == len(middles) == 20
@@ -105,7 +103,7 @@ def increments(dt_s: float, count: int, psd: float) -> NDArray[np.float64]:
 
 
 @pytest.mark.parametrize(("dt_s", "count"), [(0.01, 4000), (0.1, 2000), (1.0, 800)])
-def test_what_the_jerk_adds_in_a_step_has_the_covariance_of_the_estimators_model(dt_s: float, count: int) -> None:
+def test_a_steps_noise_has_the_covariance_of_the_motion_model(dt_s: float, count: int) -> None:
     # a large density, so that the numbers stand out from rounding at a position of kilometres
     psd = 1.0
     w = increments(dt_s, count, psd)
@@ -155,7 +153,7 @@ def test_without_jerk_and_spread_a_motion_is_its_profile() -> None:
         assert motion.at(round(t, 2)) == pytest.approx(profile.at(round(t, 2)), abs=1e-9)
 
 
-def test_a_profile_is_straight_between_corners_and_its_position_is_the_area_below() -> None:
+def test_a_profiles_position_is_the_integral_of_its_speed() -> None:
     profile = Profile([(0.0, 0.0), (10.0, 20.0), (20.0, 10.0)], 50.0)
     assert profile.at(0.0) == (50.0, 0.0, 2.0)
     assert profile.at(5.0) == (50.0 + 25.0, 10.0, 2.0)
@@ -250,7 +248,7 @@ def test_smoothing_recovers_a_known_motion_better_than_the_fixes_themselves() ->
     assert np.sqrt(np.mean(speed**2)) < 0.2
 
 
-def test_smoothing_beats_filtering_by_using_what_came_after() -> None:
+def test_smoothing_is_more_accurate_than_filtering() -> None:
     """The first fixes have only a future: a filter would leave their full error there."""
     truth, std = known_motion(), 0.5
     smooth = smooth_motion(LOG, noisy_fixes(truth, std), TRACK, std, 1e-3)
@@ -264,7 +262,7 @@ def test_a_gap_in_the_fixes_is_bridged_from_both_of_its_ends() -> None:
     assert smooth.at(55.0)[1] == pytest.approx(truth.at(55.0)[1], abs=0.2)
 
 
-def test_only_trustworthy_fixes_show_the_motion_and_time_still_starts_at_zero() -> None:
+def test_only_trusted_fixes_are_used_and_time_starts_at_zero() -> None:
     truth = known_motion()
     fixes = noisy_fixes(truth, 0.02)
     wild = [RecordedFix(f.t_s, f.latitude_deg, f.longitude_deg + 0.01, "single") for f in fixes[:25]] + fixes[25:]
@@ -274,6 +272,6 @@ def test_only_trustworthy_fixes_show_the_motion_and_time_still_starts_at_zero() 
     assert smooth.at(0.0)[0] < smooth.at(5.0)[0] < smooth.at(10.0)[0]
 
 
-def test_three_good_fixes_show_no_motion() -> None:
+def test_three_trusted_fixes_are_too_few() -> None:
     with pytest.raises(ValueError, match="four"):
         smooth_motion(LOG, noisy_fixes(known_motion(), 0.1)[:3], TRACK, 0.1, 1e-3)

@@ -67,7 +67,7 @@ def test_a_site_gives_the_exact_posteriors_two_moments():
     assert weights.sum() == pytest.approx(1.0)
 
 
-def test_an_outlier_is_worth_little_and_does_not_make_the_sensor_worse():
+def test_an_outlier_counts_little_and_does_not_raise_sigma():
     scale = NoiseScale(NoiseModel(0.2, 20.0))
     rng = random.Random(2)
     for _ in range(200):

@@ -20,7 +20,7 @@ PITCH = math.pi * 0.85 / 100.0  # of the default wheel
 
 
 class Ratio:
-    """A wheel that creeps as told."""
+    """A wheel with a given creep."""
 
     def __init__(self, ratio: Callable[[float], float]) -> None:
         self._ratio = ratio
@@ -34,7 +34,7 @@ def creeping(on: World, ratio: Callable[[float], float]) -> World:
 
 
 def exact(**options: Any) -> dict[str, Any]:
-    """Options of a device without noise, on a wheel as told."""
+    """Options of a device without noise, on a wheel of the nominal diameter."""
     return {"speed_noise_std_mps": 1e-6, "simulated": {"diameter_m": 0.85}, **TEN, **options}
 
 
@@ -112,7 +112,7 @@ def test_white_noise_is_added_and_stated() -> None:
 
 
 def test_a_wheel_wears_and_reads_ever_faster() -> None:
-    """5 µm/s takes 0.5 mm off in 100 s; told 810 mm at a true 855.5 mm, 20 m/s reads as 18.94."""
+    """5 µm/s takes 0.5 mm off in 100 s; nominally 810 mm, truly 855.5 mm, 20 m/s reads as 18.94."""
     on = world(end_s=200.0)
     wheel = Wheel("odo", on, 0.856, 5e-6, 100)
     assert [wheel.diameter_m(t) for t in (0.0, 100.0)] == pytest.approx([0.856, 0.8555])
@@ -143,7 +143,7 @@ def test_two_channels_tell_the_direction() -> None:
     assert sum(m.fields["speed_mps"] * 0.1 for m in counted) == pytest.approx(0.0, abs=2.0 * PITCH)
 
 
-def test_silence_is_a_bound_again_and_again() -> None:
+def test_silence_gives_repeated_bounds() -> None:
     """Standing from 5 s on: 26.7 mm in windows of 1.84 · 0.0267^(1/3) = 0.55 s, read out each 0.1 s: 0.2 m/s each 0.6 s."""
     on = world([(0.0, 1.0), (5.0, 0.0), (30.0, 0.0)], end_s=30.0)
     said = [m for m in readings(on, **exact()) if "speed_max_mps" in m.fields]
@@ -152,7 +152,7 @@ def test_silence_is_a_bound_again_and_again() -> None:
     assert [m.fields["speed_max_mps"] for m in said] == pytest.approx([math.sqrt(PITCH * 1.5)] * 42)
 
 
-def test_a_device_that_counts_says_a_bound_for_each_count_of_none() -> None:
+def test_a_counting_device_gives_a_bound_for_each_count_of_zero() -> None:
     """26.7 mm in 0.1 s, in 94 ms with ± 3 ms of jitter, and what 1.5 m/s² allow meanwhile."""
     on = world([(0.0, 1.0), (5.0, 0.0), (30.0, 0.0)], end_s=30.0)
     for jitter_s in (0.0, 0.003):
@@ -163,7 +163,7 @@ def test_a_device_that_counts_says_a_bound_for_each_count_of_none() -> None:
         assert [m.fields["speed_max_mps"] for m in said] == pytest.approx([bound] * 248)
 
 
-def test_counts_of_none_and_of_one_weigh_alike_at_a_crawl() -> None:
+def test_counts_of_zero_and_one_weigh_alike_at_low_speed() -> None:
     """At 0.1 m/s three counts of four are none; taken as the filter takes them, all readings' mean is 0.1 m/s."""
     on = world([(0.0, 0.1)], end_s=1000.0)
     unit = sensor("odometer", on.line, **exact(timer_s=None))
@@ -174,7 +174,7 @@ def test_counts_of_none_and_of_one_weigh_alike_at_a_crawl() -> None:
     assert float(np.array([o.value for o in seen]) @ weights / weights.sum()) == pytest.approx(0.1, rel=0.02)
 
 
-def test_at_a_crawl_bounds_and_values_add_up_to_the_way() -> None:
+def test_at_low_speed_bounds_and_values_add_up_to_the_distance() -> None:
     """At 30 mm/s a pulse takes 0.89 s: a bound for 0.6 s, and 26.7 mm for what is left, with 26.7²/3 mm² of doubt."""
     on = world([(0.0, 0.03)], end_s=300.0)
     said = [m for m in readings(on, **exact()) if "speed_mps" in m.fields][1:]
@@ -184,7 +184,7 @@ def test_at_a_crawl_bounds_and_values_add_up_to_the_way() -> None:
         assert m.fields["speed_variance_m2ps2"] == pytest.approx((PITCH / dt) ** 2 / 3.0, rel=0.01)
 
 
-def test_a_wheel_that_turns_back_over_an_edge_did_not_go_on() -> None:
+def test_a_wheel_that_turns_back_over_an_edge_counts_no_pulse() -> None:
     """Forward until 10 s, back again: pulses at the same edge are no way; sampled as rarely as each 0.2 s, the sum is right."""
     for start_m in (100.0, 100.004, 100.013):
         on = world([(0.0, 0.5), (20.0, -0.5)], end_s=20.0, start_m=start_m)
@@ -216,7 +216,7 @@ def test_a_locked_wheel_is_silent_at_full_speed() -> None:
     assert all(m.fields["speed_max_mps"] < 0.3 for m in locked)
 
 
-def test_a_device_switched_on_later_sees_the_same_edges() -> None:
+def test_a_device_switched_on_later_has_the_same_edges() -> None:
     on = world(jerk_psd=1e-4, end_s=20.0)
     unit = sensor("odometer", on.line, **TEN)
     whole = readings(on, **TEN)

@@ -63,7 +63,7 @@ def test_a_static_mounting_pitch_looks_like_a_scale() -> None:
     assert shown(said) == pytest.approx(20.0 * 1.017300, abs=1e-4)
 
 
-def test_pitch_and_vertical_speed_of_the_body_are_in_the_stated_variance_with_their_memory() -> None:
+def test_the_stated_variance_includes_the_bodys_coloured_motion() -> None:
     """20 m/s, 45°: 0.2° is 0.0698 m/s. Pitch with τ = 0.5 s at 20 Hz: coth(0.05) = 20.017 readings are worth one."""
     options = {"body_pitch_std_deg": 0.2, "body_time_constant_s": 0.5, "rate_hz": 20.0, "vertical_speed_std_mps": 0.03}
     said = readings("doppler_radar", world(end_s=1000.0), speed_variance_m2ps2=QUIET, **options)
@@ -124,7 +124,7 @@ def test_noise_has_a_constant_part_and_one_that_grows_with_speed(speed: float) -
     assert (shown(said) - speed).var() == pytest.approx(variance, rel=4.0 * math.sqrt(2.0 / len(said)))
 
 
-def test_in_its_dead_zone_a_radar_says_nothing_not_even_a_bound() -> None:
+def test_in_its_dead_zone_a_radar_sends_no_reading() -> None:
     """From 1 m/s to 0 in 10 s: below 0.1995 m/s after t = 8.005 s."""
     on = world([(0.0, 1.0), (10.0, 0.0)], end_s=20.0)
     said = readings("doppler_radar", on, dead_zone_mps=0.1995)
@@ -133,7 +133,7 @@ def test_in_its_dead_zone_a_radar_says_nothing_not_even_a_bound() -> None:
 
 
 @pytest.mark.slow
-def test_drop_outs_take_the_share_of_time_that_their_rate_and_duration_say() -> None:
+def test_drop_outs_take_the_configured_share_of_time() -> None:
     """Beginnings at 0.05 Hz, 2 s long: 1 - exp(-0.05 · 2) = 9.5 % of all time, in silences of (e^{λD} - 1)/λ = 2.1 s."""
     times, lost, silences = np.arange(0.0, 20_000.0, 0.1), 0, []
     for seed in range(3):
@@ -178,7 +178,7 @@ def test_a_radar_without_a_sign_shows_the_speed_of_a_train_that_rolls_back() -> 
     assert shown(said) == pytest.approx(3.0)
 
 
-def test_the_belief_gives_the_sign_where_it_can_and_zero_give_or_take_the_reading_where_it_cannot() -> None:
+def test_the_belief_gives_the_sign_or_the_speed_is_zero_plus_minus_z() -> None:
     radar = sensor("doppler_radar", straight_line(), signed=False)
     reading = SpeedReading(**head(), speed_mps=2.0, speed_variance_m2ps2=0.04)
     back = belief([0.0, -1.9, 0.0], [[1.0, 0.0, 0.0], [0.0, 0.01, 0.0], [0.0, 0.0, 1.0]])
@@ -207,7 +207,7 @@ def test_a_given_scale_is_the_scale() -> None:
 
 
 @pytest.mark.slow
-def test_a_scale_moves_as_the_filter_is_told() -> None:
+def test_a_simulated_scale_moves_as_in_the_filters_model() -> None:
     """A walk of 1e-6/s over 10 s: 0.00316; Markov of τ = 20 s: correlation e^-0.5 after 10 s. 100 seeds each."""
     walk, markov = [], []
     quiet = {"speed_variance_m2ps2": QUIET, "rate_hz": 0.1}
@@ -225,8 +225,8 @@ def test_a_scale_moves_as_the_filter_is_told() -> None:
     assert (state.time_constant_s, state.noise_psd) == (20.0, pytest.approx(1e-5))
 
 
-def test_a_markov_scale_with_a_noise_of_its_own_besides_is_refused() -> None:
-    with pytest.raises(ValueError, match="leave out scale_noise_psd"):
+def test_a_markov_scale_with_a_random_walk_is_refused() -> None:
+    with pytest.raises(ValueError, match="must not stand beside"):
         sensor("doppler_radar", straight_line(), scale_std=0.01, scale_time_constant_s=20.0, scale_noise_psd=1e-9)
 
 
@@ -269,7 +269,7 @@ def test_hand_made_bytes_become_the_observation() -> None:
     assert variance == pytest.approx(0.250025)
 
 
-def test_a_bound_is_nothing_that_a_radar_says() -> None:
+def test_a_radar_refuses_a_bound() -> None:
     assert sensor("doppler_radar", straight_line()).observe(SpeedReading(**head(), speed_max_mps=0.5), None) == ()
 
 
@@ -300,7 +300,7 @@ def nees_with(observe: Callable[..., Any], scale_std: float, seed: int) -> list[
 
 
 @pytest.mark.slow
-def test_with_a_prior_of_one_percent_early_readings_claim_no_more_than_they_know() -> None:
+def test_early_readings_are_consistent_with_a_one_percent_scale_prior() -> None:
     """100 runs, 4 states: the mean's 95 % interval is 4 ± 1.96 √(8/100)."""
     before, after = np.mean([nees_with(scaled_speed, 0.01, seed) for seed in range(100)], axis=0)
     assert abs(before - 4.0) < 1.96 * math.sqrt(0.08)

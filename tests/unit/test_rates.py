@@ -36,7 +36,7 @@ def test_the_default_trains_rates_are_those_of_its_units_and_epochs() -> None:
     assert found["world"] == pytest.approx({"truth": 50.0})
 
 
-def test_what_happens_when_it_happens_has_no_rate() -> None:
+def test_streams_paced_by_events_have_no_rate() -> None:
     found = rates(load_train(FULL))
     assert found["sensor-balise-reader"] == found["balise"] == found["filter-loop"] == {}
 
@@ -53,7 +53,7 @@ def test_epochs_and_feedback_follow_the_train_file(
     assert (found["state"], found.get("feedback")) == (state, feedback)
 
 
-def test_a_train_sends_no_stream_but_those_of_its_roles() -> None:
+def test_a_train_sends_only_the_streams_of_its_roles() -> None:
     train = load_train(FULL)
     sent = {name for process in processes(train) for name in ROLES[process.role].sends(train, process.unit)}
     assert sent == set(BY_NAME) - {"event", "health"}

@@ -49,7 +49,7 @@ def as_bytes(line: Any) -> bytes:
 
 
 @pytest.mark.parametrize("row", STREAMS, ids=lambda row: row.name)
-def test_what_is_written_reads_back_equal(tmp_path: Path, train: Train, row: Any) -> None:
+def test_a_written_message_reads_back_equal(tmp_path: Path, train: Train, row: Any) -> None:
     # a train without an inertial unit has no inertial readings to read
     if row.name == "inertial_reading":
         train = load_train(write_train(tmp_path, {"train": "maglev-1", "units.imu": {"kind": "imu"}}))
@@ -116,7 +116,7 @@ BAD: dict[str, tuple[bytes, str]] = {
 
 
 @pytest.mark.parametrize("name", BAD)
-def test_a_bad_line_is_refused_and_counted_and_the_lines_around_it_count(tmp_path: Path, train: Train, name: str) -> None:
+def test_a_bad_line_is_counted_and_the_others_are_used(tmp_path: Path, train: Train, name: str) -> None:
     bad, reason = BAD[name]
     found = reader(tmp_path, train, [as_bytes(reading(1)), bad, bad, as_bytes(reading(2))])
     assert [message.sequence for _, _, message, _ in found.messages()] == [1, 2]
@@ -125,7 +125,7 @@ def test_a_bad_line_is_refused_and_counted_and_the_lines_around_it_count(tmp_pat
     assert found.first[reason].startswith("line 2: ")
 
 
-def test_the_first_of_each_reason_is_told_with_its_line(tmp_path: Path, train: Train) -> None:
+def test_the_first_refusal_of_each_reason_names_its_line(tmp_path: Path, train: Train) -> None:
     lines = [BAD["not json"][0], as_bytes(reading()), BAD["another train"][0], BAD["not json"][0], BAD["another unit"][0]]
     found = reader(tmp_path, train, lines)
     assert len(list(found.messages())) == 1
@@ -137,7 +137,7 @@ def test_the_first_of_each_reason_is_told_with_its_line(tmp_path: Path, train: T
     }
 
 
-def test_kinds_that_are_not_wanted_and_empty_lines_are_passed_over_in_silence(tmp_path: Path, train: Train) -> None:
+def test_other_kinds_and_empty_lines_are_ignored(tmp_path: Path, train: Train) -> None:
     written = io.StringIO()
     for name, messages in EXAMPLES.items():
         if name != "position_reading":
@@ -148,7 +148,7 @@ def test_kinds_that_are_not_wanted_and_empty_lines_are_passed_over_in_silence(tm
     assert found.refusals.counts == {}
 
 
-def test_without_a_receipt_time_the_latest_publication_so_far_is_the_clock(tmp_path: Path, train: Train) -> None:
+def test_without_a_receipt_time_the_latest_publication_is_the_clock(tmp_path: Path, train: Train) -> None:
     published = [T0 + 5, T0 + 9, T0 + 7, T0 + 12]
     lines = []
     for n, at in enumerate(published):
@@ -166,7 +166,7 @@ def test_progress_reaches_the_files_size(tmp_path: Path, train: Train) -> None:
 
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
-def test_a_spoilt_recording_never_stops_the_reading(tmp_path: Path, train: Train, data: st.DataObject) -> None:
+def test_a_corrupt_recording_does_not_stop_the_reader(tmp_path: Path, train: Train, data: st.DataObject) -> None:
     good = bytearray(b"\n".join(as_bytes(reading(n)) for n in range(3)))
     for _ in range(data.draw(st.integers(1, 6))):
         good[data.draw(st.integers(0, len(good) - 1))] = data.draw(st.integers(0, 255))

@@ -63,7 +63,7 @@ def impulse_response(forgetting: float, length: int) -> np.ndarray:
     return np.linalg.solve((X.T * J) @ X, np.array([1.0, 0.0, 0.0])) @ (X.T * J)
 
 
-def test_smoothing_makes_no_reading_worth_more():
+def test_smoothing_adds_no_information():
     variance, correlation = white_sum(impulse_response(0.9, 300))
     assert variance < 0.35
     assert correlation > 3.0
@@ -71,7 +71,7 @@ def test_smoothing_makes_no_reading_worth_more():
 
 
 @pytest.mark.parametrize("kind", ["rls", "pu_rls"])
-def test_the_noise_is_found_and_what_is_stated_is_what_the_smoothed_readings_are_worth(kind):
+def test_the_noise_is_learned_and_the_smoothed_variance_is_right(kind):
     """Over blocks much longer than the memory, the mean of n smoothed readings errs by √(R_eff/n)."""
     rng = random.Random(5)
     smoother = smoother_of(kind)
@@ -96,7 +96,7 @@ def smoother_of(kind: str) -> ForgettingSmoother | SwarmTunedSmoother:
 
 
 @pytest.mark.parametrize("kind", ["rls", "pu_rls"])
-def test_after_a_long_gap_it_begins_anew(kind):
+def test_after_a_long_gap_the_smoother_restarts(kind):
     rng = random.Random(6)
     smoother = smoother_of(kind)
     for k in range(200):
@@ -141,7 +141,7 @@ def test_the_swarm_stays_in_its_box():
     assert max(places) <= 1.0
 
 
-def test_pu_rls_spends_no_more_than_it_may_and_always_the_same():
+def test_pu_rls_is_deterministic_with_bounded_evaluations():
     tuning = Tuning(particles=4, generations=2, window=8, every=5)
     runs = []
     for _ in range(2):

@@ -42,7 +42,7 @@ def heard(**at: int) -> Roster:
 # missing -----------------------------------------------------------------------------------------------------------------
 
 
-def test_nobody_is_missing_before_having_been_heard() -> None:
+def test_a_unit_is_not_missing_before_its_first_reading() -> None:
     assert roster().missing(S) == []
 
 
@@ -51,7 +51,7 @@ def test_a_unit_is_missing_from_when_its_next_reading_is_due(epoch: int, missing
     assert (heard(radar=S).missing(epoch) == ["radar"]) == missing
 
 
-def test_due_readings_are_reckoned_with_each_units_own_period() -> None:
+def test_a_reading_is_due_after_its_units_own_period() -> None:
     known = heard(radar=S, wheel=S)
     assert known.missing(S + 10 * MS) == ["radar"]
     assert known.missing(S + 20 * MS) == ["radar", "wheel"]
@@ -95,44 +95,44 @@ def test_a_slow_unit_is_stale_only_after_three_periods() -> None:
 # worth waiting for ---------------------------------------------------------------------------------------------------------
 
 
-def test_a_unit_that_missed_a_deadline_is_not_waited_for_until_it_is_punctual_again() -> None:
+def test_a_unit_that_missed_a_deadline_is_awaited_once_punctual_again() -> None:
     known = heard(radar=S, wheel=S)
     missing = known.missing(S + 20 * MS)
-    assert known.worth_waiting(missing) == ["radar", "wheel"]
+    assert known.awaited(missing) == ["radar", "wheel"]
     known.missed_deadline("radar")
-    assert known.worth_waiting(missing) == ["wheel"]
+    assert known.awaited(missing) == ["wheel"]
     # late by one nanosecond more than the deadline: still not
     saw(known, "radar", S + 10 * MS, S + 10 * MS + DEADLINE + 1)
-    assert known.worth_waiting(["radar"]) == []
+    assert known.awaited(["radar"]) == []
     saw(known, "radar", S + 20 * MS, S + 20 * MS + DEADLINE)
-    assert known.worth_waiting(["radar"]) == ["radar"]
+    assert known.awaited(["radar"]) == ["radar"]
 
 
 def test_a_late_reading_alone_does_not_make_a_unit_unpunctual() -> None:
     known = heard(radar=S)
     saw(known, "radar", S + 10 * MS, S + 10 * MS + 10 * DEADLINE)
-    assert known.worth_waiting(["radar"]) == ["radar"]
+    assert known.awaited(["radar"]) == ["radar"]
 
 
 @pytest.mark.parametrize("process", ["sensor-radar", "filter-radar"])
-def test_a_unit_whose_sensor_or_filter_is_gone_is_not_waited_for_until_both_are_back(process: str) -> None:
+def test_a_unit_is_awaited_only_while_its_sensor_and_filter_are_alive(process: str) -> None:
     other = {"sensor-radar": "filter-radar", "filter-radar": "sensor-radar"}[process]
     known = heard(radar=S)
     known.process_alive(process, False)
     known.process_alive(other, True)
-    assert known.worth_waiting(["radar"]) == []
+    assert known.awaited(["radar"]) == []
     known.process_alive(other, False)
     known.process_alive(process, True)
-    assert known.worth_waiting(["radar"]) == []
+    assert known.awaited(["radar"]) == []
     known.process_alive(other, True)
-    assert known.worth_waiting(["radar"]) == ["radar"]
+    assert known.awaited(["radar"]) == ["radar"]
 
 
-def test_processes_of_others_change_nothing() -> None:
+def test_tokens_of_other_processes_change_nothing() -> None:
     known = heard(radar=S, wheel=S)
     for process in ("sensor-wheel", "filter-wheel", "balise", "fuser", "radar", "sensor-radar-2", "world"):
         known.process_alive(process, False)
-    assert known.worth_waiting(["radar", "wheel"]) == ["radar"]
+    assert known.awaited(["radar", "wheel"]) == ["radar"]
 
 
 # in use and excluded -------------------------------------------------------------------------------------------------------
@@ -151,7 +151,7 @@ def test_observations_after_the_epoch_do_not_count_at_it() -> None:
     assert "radar" not in presence.ages_s
 
 
-def test_shares_sum_to_one_over_those_in_use_and_a_silent_units_share_goes_to_the_others() -> None:
+def test_a_silent_units_share_goes_to_the_units_in_use() -> None:
     everyone = heard(radar=S, wheel=S, loop=S).at(S, live=True, verdicts={})
     assert dict(everyone.shares) == pytest.approx(SHARES)
     without_radar = heard(wheel=S, loop=S).at(S, live=True, verdicts={})
@@ -159,14 +159,14 @@ def test_shares_sum_to_one_over_those_in_use_and_a_silent_units_share_goes_to_th
     assert set(without_radar.shares) == set(without_radar.ages_s)
 
 
-def test_units_that_share_nothing_between_them_share_evenly() -> None:
+def test_units_whose_shares_are_all_zero_share_evenly() -> None:
     known = roster({"radar": 1.0})
     saw(known, "wheel", S, S)
     saw(known, "loop", S, S)
     assert dict(known.at(S, live=True, verdicts={}).shares) == {"wheel": 0.5, "loop": 0.5}
 
 
-def test_nobody_in_use_means_no_shares() -> None:
+def test_without_a_unit_in_use_there_are_no_shares() -> None:
     presence = roster().at(S, live=True, verdicts={})
     assert (dict(presence.ages_s), dict(presence.shares)) == ({}, {})
     assert dict(presence.excluded) == {"radar": "never heard", "wheel": "never heard", "loop": "never heard"}
@@ -180,7 +180,7 @@ def test_every_fused_unit_is_either_in_use_or_excluded() -> None:
     assert set(presence.ages_s) == {"radar"}
 
 
-def test_a_process_that_is_gone_outweighs_what_was_heard_of_it_only_live() -> None:
+def test_a_missing_token_excludes_a_unit_only_in_live_states() -> None:
     known = heard(radar=S)
     known.process_alive("filter-radar", False)
     assert known.at(S + MS, live=True, verdicts={}).excluded["radar"] == "process gone"
@@ -189,7 +189,7 @@ def test_a_process_that_is_gone_outweighs_what_was_heard_of_it_only_live() -> No
     assert "radar" in settled.shares
 
 
-def test_a_reader_that_no_filter_speaks_for_is_named_only_when_its_process_is_gone() -> None:
+def test_a_balise_reader_is_excluded_only_when_its_token_is_missing() -> None:
     known = heard(radar=S)
     presence = known.at(S, live=True, verdicts={})
     assert "balise-reader" not in presence.excluded
@@ -202,7 +202,7 @@ def test_a_reader_that_no_filter_speaks_for_is_named_only_when_its_process_is_go
 # judged by the fuser, and refused by a filter ------------------------------------------------------------------------------
 
 
-def test_a_gating_unit_is_excluded_from_the_first_moment_and_named_as_what_it_is() -> None:
+def test_a_gating_unit_is_excluded_at_once_with_its_reason() -> None:
     known = heard(radar=S, wheel=S)
     verdict = Verdict(None, S, S - 20 * MS, "sliding", "sliding")
     assert known.at(S, live=True, verdicts={"wheel": verdict}).excluded["wheel"] == "sliding"
@@ -228,7 +228,7 @@ def test_a_reading_is_due_only_when_the_sensor_can_have_sent_it() -> None:
 # forgetting ----------------------------------------------------------------------------------------------------------------
 
 
-def test_forgetting_keeps_what_later_epochs_ask_for_and_the_last_time_of_a_silent_unit() -> None:
+def test_forgetting_keeps_later_times_and_a_silent_units_last_time() -> None:
     known = roster()
     for k in range(10):
         saw(known, "radar", S + 10 * k * MS, S + 10 * k * MS)
@@ -241,7 +241,7 @@ def test_forgetting_keeps_what_later_epochs_ask_for_and_the_last_time_of_a_silen
     assert known.at(S + 20 * MS, live=True, verdicts={}).excluded["radar"] == "never heard"
 
 
-def test_what_is_never_forgotten_stays_within_bounds() -> None:
+def test_a_record_without_forgetting_stays_bounded() -> None:
     known = roster()
     for k in range(3 * KEPT_TIMES):
         saw(known, "radar", S + k * MS, S + k * MS)

@@ -38,7 +38,7 @@ def node(script: list[tuple[float, Measured | None]], withhold: list[list[float]
     return SensorNode("t1", "i1", radar, Scripted(script), T0)
 
 
-def test_readings_are_told_when_they_are_ready_and_not_before() -> None:
+def test_readings_are_published_when_they_are_ready() -> None:
     process = node([(0.5, speed(0.4)), (1.0, speed(0.9))])
     assert process.next_tick_ns() == T0 + S // 2
     assert list(process.tick(T0 + S // 2 - 1)) == []
@@ -57,7 +57,7 @@ def test_readings_are_told_when_they_are_ready_and_not_before() -> None:
     assert process.next_tick_ns() == T0 + S
 
 
-def test_a_late_tick_tells_everything_that_is_ready_in_order() -> None:
+def test_a_late_tick_publishes_all_ready_readings_in_order() -> None:
     process = node([(0.1 * k, speed(0.1 * k, float(k))) for k in range(10)])
     told = [o.message for o in process.tick(T0 + 650_000_000)]
     assert [r.speed_mps for r in told] == [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0]
@@ -65,7 +65,7 @@ def test_a_late_tick_tells_everything_that_is_ready_in_order() -> None:
     assert {r.published_at_ns for r in told} == {T0 + 650_000_000}
 
 
-def test_when_the_sensor_has_nothing_to_say_nothing_is_told_and_no_number_is_used() -> None:
+def test_without_a_reading_no_sequence_number_is_used() -> None:
     process = node([(0.1, speed(0.1)), (0.2, None), (0.3, speed(0.3))])
     assert [o.message.sequence for o in process.tick(T0 + S)] == [0, 1]
 
@@ -80,7 +80,7 @@ def test_it_is_finished_after_the_last_reading_and_not_before() -> None:
     assert list(process.tick(T0 + S)) == []
 
 
-def test_withheld_readings_are_those_measured_in_the_span_with_its_beginning_and_without_its_end() -> None:
+def test_readings_measured_in_a_half_open_span_are_withheld() -> None:
     script: list[tuple[float, Measured | None]] = [(0.5 * k + 0.25, speed(0.5 * k)) for k in range(10)]
     told = [o.message.measured_at_ns for o in node(script, [[1.0, 2.0], [4.0, 9.0]]).tick(T0 + 10 * S)]
     assert [(at - T0) / S for at in told] == [0.0, 0.5, 2.0, 2.5, 3.0, 3.5]
@@ -102,7 +102,7 @@ def test_simulated_sensors_keep_their_stamps_between_start_and_now(kind: str) ->
     assert all(a.measured_at_ns < b.measured_at_ns for a, b in itertools.pairwise(told))
 
 
-def test_a_reader_tells_telegrams_on_its_stream() -> None:
+def test_a_balise_reader_publishes_telegrams_on_its_stream() -> None:
     on = world(end_s=6.0)
     row = sensor("balise_reader", on.line, "reader")
     process = SensorNode("t1", "i1", row, row.open(on, 0.0), T0)
@@ -126,7 +126,7 @@ class Choosy(Scripted):
         return super().read()
 
 
-def test_what_a_source_could_not_use_is_counted_as_refused_and_told_the_first_time() -> None:
+def test_entries_skipped_by_a_source_are_counted_and_reported_once() -> None:
     counts = [{"checksum": 2}, {"checksum": 5, "late": 1}, {}]
     source = Choosy([(0.1, None), (0.2, speed(0.2)), (0.3, speed(0.3))], counts)
     process = SensorNode("t1", "i1", sensor("doppler_radar", straight_line(), "radar"), source, T0)
@@ -138,7 +138,7 @@ def test_what_a_source_could_not_use_is_counted_as_refused_and_told_the_first_ti
     assert [o.stream for o in process.tick(T0 + 300_000_000)] == ["speed_reading"]
 
 
-def test_a_reading_that_is_no_message_is_refused_and_uses_no_number() -> None:
+def test_an_invalid_reading_is_refused_and_uses_no_sequence_number() -> None:
     process = node([(0.1, speed(0.1)), (0.2, speed(0.2, float("nan"))), (0.3, speed(0.3))])
     out = list(process.tick(T0 + S))
     assert [o.stream for o in out] == ["speed_reading", "event", "speed_reading"]

@@ -58,7 +58,7 @@ def test_a_sensor_without_a_world_has_no_simulated_source(kind: str) -> None:
 
 
 @each_kind
-def test_readings_make_valid_messages_in_order_of_readiness_and_never_from_the_future(kind: str) -> None:
+def test_readings_are_valid_ordered_and_never_from_the_future(kind: str) -> None:
     source = opened(kind, world(jerk_psd=1e-6, end_s=20.0, line=surveyed_line()))
     message = BY_NAME[SENSORS[kind].stream].message
     before, count = -math.inf, 0
@@ -75,7 +75,7 @@ def test_readings_make_valid_messages_in_order_of_readiness_and_never_from_the_f
 
 
 @each_kind
-def test_the_same_seed_gives_the_same_readings_and_another_seed_or_unit_others(kind: str) -> None:
+def test_readings_depend_on_seed_and_unit(kind: str) -> None:
     def said(seed: int, unit: str) -> list[Measured]:
         on = world(seed=seed, end_s=10.0, line=surveyed_line())
         return readings(sensor(kind, on.line, unit).open(on, 0.0))
@@ -87,7 +87,7 @@ def test_the_same_seed_gives_the_same_readings_and_another_seed_or_unit_others(k
 
 @each_kind
 @pytest.mark.parametrize("from_s", [0.5, 3.0, 10.0, 10.003, 12.3456, 25.001])
-def test_a_source_opened_later_says_what_one_opened_at_the_start_says_from_then_on(kind: str, from_s: float) -> None:
+def test_a_source_opened_later_gives_the_same_readings(kind: str, from_s: float) -> None:
     on = world(jerk_psd=1e-6, end_s=30.0, line=surveyed_line())
     whole, late = readings(opened(kind, on)), readings(opened(kind, on, from_s))
     missed, rest = whole[: -len(late)], whole[-len(late) :]
@@ -158,14 +158,14 @@ def test_a_reader_that_restarts_while_over_a_balise_neither_loses_nor_repeats_it
         assert same_to_the_nanosecond(late, [m for m in whole if m.measured_s >= from_s]), shift_m
 
 
-def test_a_train_that_stands_between_balises_reads_the_next_one_when_it_moves_on() -> None:
+def test_a_balise_is_read_after_a_stop_before_it() -> None:
     on = world([(0.0, 20.0), (10.0, 0.0), (40.0, 0.0), (50.0, 20.0)], end_s=60.0)
     said = readings(opened("balise_reader", on))
     assert [m.fields["balise_id"] for m in said] == ["b00001", "b00002", "b00003"]
     assert said[1].measured_s > 40.0
 
 
-def test_a_balise_is_nothing_to_a_filter() -> None:
+def test_a_telegram_gives_no_observation() -> None:
     reader = sensor("balise_reader", straight_line())
     assert reader.observe(object(), None) == ()
     assert reader.period_s is None
@@ -225,7 +225,7 @@ def test_a_replay_opened_later_goes_on_from_there(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("written", SOLUTIONS)
-def test_what_the_receiver_calls_a_solution_is_understood(tmp_path: Path, written: str) -> None:
+def test_the_receivers_names_of_solutions_are_mapped(tmp_path: Path, written: str) -> None:
     path = write_log(tmp_path, [row(1.0, solution=written), row(2.0)])
     fix = readings(gnss(path).source(None, 0.0))[0]
     assert fix.fields == {"latitude_deg": 50.9, "longitude_deg": 4.501, "solution": SOLUTIONS[written]}
@@ -280,7 +280,7 @@ BROKEN = {
 
 
 @pytest.mark.parametrize("name", BROKEN)
-def test_what_cannot_be_read_in_a_log_is_named_by_file_line_and_field(tmp_path: Path, name: str) -> None:
+def test_an_unreadable_entry_is_reported_by_file_line_and_field(tmp_path: Path, name: str) -> None:
     rows, says = BROKEN[name]
     path = write_log(tmp_path, rows)
     with pytest.raises(ValueError, match=r"log\.csv") as caught:

@@ -44,7 +44,7 @@ def test_a_failed_devices_share_goes_to_the_others_in_proportion() -> None:
     assert PATENT.at(("imu", "radar"), 100.0 / 3.6, {}) == pytest.approx({"imu": 5.0 / 6.0, "radar": 1.0 / 6.0})
 
 
-def test_by_accuracy_who_brought_twice_as_much_gets_twice_the_share() -> None:
+def test_twice_the_information_gets_twice_the_share() -> None:
     assert SharesByAccuracy().at(("a", "b"), 0.0, {"a": 2.0, "b": 1.0}) == pytest.approx({"a": 2.0 / 3.0, "b": 1.0 / 3.0})
 
 
@@ -53,7 +53,7 @@ def test_by_accuracy_who_brought_twice_as_much_gets_twice_the_share() -> None:
     st.floats(-150.0, 150.0),
     st.dictionaries(st.sampled_from(UNITS), st.floats(0.0, 1e6)),
 )
-def test_shares_always_sum_to_one_over_who_reports(reporting: list[str], speed: float, information: dict[str, float]) -> None:
+def test_shares_sum_to_one_over_the_reporting_units(reporting: list[str], speed: float, information: dict[str, float]) -> None:
     for shares in (FixedShares({"imu": 0.6, "gnss": 0.4}), PATENT, SharesByAccuracy()):
         found = shares.at(reporting, speed, information)
         assert set(found) == set(reporting)
@@ -71,7 +71,7 @@ def saw(known: Roster, o: Observation) -> None:
     known.informed(o.unit, o)
 
 
-def test_the_roster_counts_what_each_unit_brought_in_the_last_second_against_what_is_known() -> None:
+def test_the_roster_sums_each_units_information_over_the_last_second() -> None:
     """J = h P hᵀ/R: gnss 2 x 4 m² / 1 m² = 8, radar 4 x 0.25 (m/s)² / 0.5 (m/s)² = 2; the radar's old one is forgotten."""
     known = Roster([UnitRow("gnss", 0, S, True), UnitRow("radar", 1, S, True)], SharesByAccuracy(), 0)
     saw(known, observation("radar", 8 * S, (0.0, 1.0, 0.0), 1e-6))
@@ -84,7 +84,7 @@ def test_the_roster_counts_what_each_unit_brought_in_the_last_second_against_wha
     assert presence.shares == pytest.approx({"gnss": 0.8, "radar": 0.2})
 
 
-def test_a_slow_unit_is_worth_the_same_before_and_after_its_reading() -> None:
+def test_a_slow_units_information_is_the_same_before_and_after_its_reading() -> None:
     """One fix in 2 s and two speeds a second: J = 4 m²/1 m² in 2 s against 2 · 0.25/0.25 in one: as much a second."""
     rows = [UnitRow("gnss", 0, 2 * S, True), UnitRow("radar", 1, S // 2, True)]
     known = Roster(rows, SharesByAccuracy(), 0)
@@ -97,7 +97,7 @@ def test_a_slow_unit_is_worth_the_same_before_and_after_its_reading() -> None:
         assert shares == pytest.approx({"gnss": 0.5, "radar": 0.5})
 
 
-def test_settled_states_of_the_sources_rule_go_by_the_same_speed_as_live_ones() -> None:
+def test_federated_settled_and_live_states_use_the_same_speed_for_shares() -> None:
     """Below 10 m/s the radar counts alone: at 20 m/s both do, and between 0 m and 10 m the train is at 5 m."""
     shares = SharesBySpeed((SpeedRow(10.0, {"radar": 1.0}), SpeedRow(math.inf, {"radar": 0.5, "loop": 0.5})))
     rows = [UnitRow("radar", 0, None, True), UnitRow("loop", 1, None, True)]
@@ -116,7 +116,7 @@ def test_settled_states_of_the_sources_rule_go_by_the_same_speed_as_live_ones() 
     assert [m.position_m for m in live if isinstance(m, FusedState)] == [settled.position_m] == [pytest.approx(5.0)]
 
 
-def test_before_anything_was_fused_all_share_evenly_and_then_by_what_the_last_state_knew() -> None:
+def test_shares_are_even_before_the_first_state_and_follow_it_afterwards() -> None:
     """The sources' rule needs shares for its state: those of the epoch before, J = 8 to 2 as above."""
     known = Roster([UnitRow("gnss", 0, S, True), UnitRow("radar", 1, S, True)], SharesByAccuracy(), 0)
     for k in range(4):

@@ -64,7 +64,7 @@ def test_a_late_observation_replays_only_what_follows_it():
     assert (timeline.counters.rewinds, timeline.counters.replayed) == (1, 2)
 
 
-def test_asking_for_a_time_adds_no_knot_and_costs_no_observation():
+def test_a_state_at_a_time_adds_no_knot():
     kernel = Log()
     timeline = Timeline(kernel, [], SECOND)
     timeline.insert(speed(0.0, 0), T0)
@@ -92,7 +92,7 @@ def test_the_horizon_and_the_future_are_refused_at_their_edges(late_s, now_s, re
     assert FUTURE_NS == NS_PER_S // 2
 
 
-def test_the_horizon_does_not_come_back_when_the_clock_does():
+def test_the_settled_boundary_stays_when_the_clock_goes_back():
     timeline = Timeline(Log(), [], SECOND)
     timeline.insert(speed(9.0, 0), T0 + 10 * NS_PER_S)
     assert timeline.insert(speed(4.0, 1), T0 + 9 * NS_PER_S) == "too_old"
@@ -120,13 +120,13 @@ def test_the_same_moment_of_a_unit_counts_once_whoever_repeats_it(change):
     assert len(results[0]) == 1
 
 
-def test_asking_why_something_would_be_refused_changes_nothing():
+def test_the_check_for_untimely_times_changes_nothing():
     timeline = Timeline(Log(), [], SECOND)
     assert timeline.untimely(T0, T0 + 10 * NS_PER_S) == "too_old"
     assert timeline.insert(speed(0.0, 0), T0) is None
 
 
-def test_folding_what_is_settled_changes_no_bit_and_bounds_memory():
+def test_folding_settled_observations_changes_no_bit_and_bounds_memory():
     folding, keeping = estimator(), Estimator(Layout(), 1e-3, PRIOR, 10**18)
     rng = np.random.default_rng(0)
     for i in range(20_000):
@@ -152,7 +152,7 @@ def test_identities_are_forgotten_only_when_age_would_refuse_them_anyway():
     assert e.insert(speed(0.01 * 100, 100), now) == "too_old"
 
 
-def test_feedback_is_taken_at_its_epoch_and_later_observations_are_replayed_on_it():
+def test_feedback_rewinds_to_its_epoch_and_later_observations_are_replayed():
     with_feedback, by_hand = estimator(share=0.5), Estimator(Layout(), 1e-3 / 0.5, PRIOR, SECOND)
     for i in range(20):
         with_feedback.insert(speed(0.1 * i, i), T0 + 2 * NS_PER_S)
@@ -206,5 +206,5 @@ def test_rows_are_lifted_to_their_own_block():
     assert layout.names[3:] == ["a.x", "b.y", "b.z"]
 
 
-def test_the_interval_is_so_many_sigmas_and_the_accuracy_on_either_side():
+def test_the_interval_is_k_sigmas_and_the_accuracy_on_either_side():
     assert interval(100.0, 0.04, 5.0, 0.5) == pytest.approx((98.5, 101.5))

@@ -78,7 +78,7 @@ def test_long_legs_give_a_located_chainage_back_too() -> None:
 
 @pytest.mark.parametrize("side", [-1.0, 1.0])
 @pytest.mark.parametrize("offset_m", [0.5, 5.0, 50.0])
-def test_a_point_has_its_foots_chainage_and_its_distance_right(side: float, offset_m: float) -> None:
+def test_a_projection_has_the_nearest_points_chainage_and_distance(side: float, offset_m: float) -> None:
     line = Track(walk((4.5, 50.9), [(70.0, 250.0)] * 8))
     for leg in range(8):
         foot_lon, foot_lat, _ = GEOD.fwd(*walk((4.5, 50.9), [(70.0, 250.0)] * leg)[-1], 70.0, 100.0)
@@ -97,7 +97,7 @@ def test_the_planes_scale_does_not_enter_far_from_the_middle() -> None:
         assert line.project(lat, lon).position_m == pytest.approx(1000.0 * leg + 500.0, abs=0.02)
 
 
-def test_no_place_on_earth_lies_beyond_the_ends() -> None:
+def test_a_chainage_beyond_an_end_is_located_at_the_end() -> None:
     points = walk((4.5, 50.9), [(90.0, 100.0), (90.0, 100.0)])
     line = Track(points)
     assert line.locate(-5.0) == pytest.approx(points[0][::-1])
@@ -118,7 +118,7 @@ def test_points_beyond_the_ends_are_seen_beyond_them() -> None:
     assert after.cross_track_m == pytest.approx(3.0, abs=0.01)
 
 
-def test_the_extension_of_an_end_catches_nothing_beside_the_line() -> None:
+def test_points_beside_the_line_do_not_project_on_an_extension() -> None:
     """The line comes back across its own beginning's extension: a point there is on the line."""
     points = walk((4.5, 50.9), [(90.0, 100.0), (0.0, 60.0), (270.0, 160.0), (180.0, 200.0)])
     seen = Track(points).project(*walk(points[3], [(180.0, 60.0)])[-1][::-1])
@@ -172,7 +172,7 @@ def test_a_line_knows_whether_it_comes_near_itself(points: list[Point], near: bo
 @given(
     turns=st.lists(st.floats(-40.0, 110.0), min_size=5, max_size=12), leg_m=st.floats(15.0, 60.0), within=st.floats(5.0, 30.0)
 )
-def test_what_comes_near_itself_agrees_with_every_pair(turns: list[float], leg_m: float, within: float) -> None:
+def test_comes_near_itself_agrees_with_a_comparison_of_all_pairs(turns: list[float], leg_m: float, within: float) -> None:
     """By all pairs of points 1 m apart; between `within` and 1.25 of it both answers are right."""
     line = Track(walk((4.5, 50.9), [(azimuth, leg_m) for azimuth in np.cumsum(turns)]))
     along = np.linspace(0.0, line.length_m, int(line.length_m) + 2)

@@ -41,7 +41,7 @@ def test_a_wheel_that_grips_counts_as_the_sensor_says() -> None:
 
 
 @pytest.mark.parametrize(("ratio", "code"), [(0.1, "wheel_spin"), (-0.1, "wheel_slide"), (-1.0, "wheel_slide")])
-def test_a_wheel_that_slips_is_named_once_and_does_not_count(ratio: float, code: str) -> None:
+def test_a_slip_is_reported_once_and_its_readings_do_not_count(ratio: float, code: str) -> None:
     observer = watch()
     assert see(observer, 1.0)
     assert [see(observer, 1.1 + 0.1 * i, ratio) for i in range(5)] == [[]] * 5
@@ -51,7 +51,7 @@ def test_a_wheel_that_slips_is_named_once_and_does_not_count(ratio: float, code:
     assert observer.gating == observer.refused == {"wheel_spin": "spinning", "wheel_slide": "sliding"}[code]
 
 
-def test_a_watch_continues_from_the_memory_that_it_is_given() -> None:
+def test_a_detector_continues_from_a_given_memory() -> None:
     observer = watch()
     see(observer, 1.0)
     gripping = observer.memory
@@ -64,7 +64,7 @@ def test_a_watch_continues_from_the_memory_that_it_is_given() -> None:
     assert see(observer, 1.2) == []
 
 
-def test_a_slip_short_of_the_threshold_does_not_count_and_says_so() -> None:
+def test_a_contradiction_below_the_slip_threshold_does_not_count() -> None:
     """1.9 % of 20 m/s is 0.38 m/s: 5.3 times √(0.05² + 0.0525²) = 0.0725, but no spin of 2 %."""
     observer = watch()
     assert see(observer, 1.0, 0.019) == []
@@ -72,7 +72,7 @@ def test_a_slip_short_of_the_threshold_does_not_count_and_says_so() -> None:
     assert observer.gating == observer.refused == "contradicts the fused speed"
 
 
-def test_a_threshold_that_the_fused_speed_cannot_decide_is_not_decided() -> None:
+def test_an_uncertain_fused_speed_decides_no_slip() -> None:
     """5 % of 20 m/s is 1 m/s: 3.3 standard deviations of a speed known to 0.3 m/s."""
     observer = watch()
     vague = belief(1.0, v_std=0.3)
@@ -81,7 +81,7 @@ def test_a_threshold_that_the_fused_speed_cannot_decide_is_not_decided() -> None
 
 
 def test_an_unknown_scale_decides_nothing() -> None:
-    """A wheel told 5 % wrong, before the scale is known to better than 6 %, is no spin."""
+    """A nominal diameter 5 % wrong, before the scale is known to better than 6 %, is no spin."""
     observer = watch()
     assert see(observer, 1.0, 0.05, belief(1.0, k_std=0.06))
     assert codes(observer) == []
@@ -93,7 +93,7 @@ def test_a_reading_in_doubt_counts_for_less() -> None:
     assert seen[0].variance == pytest.approx((0.24 / 2.5) ** 2 - 0.0025, rel=0.01)
 
 
-def test_a_wheel_grips_again_when_it_has_run_as_expected_for_the_hold_time() -> None:
+def test_a_wheel_grips_again_after_the_hold_time() -> None:
     """Spin from 1.0 to 1.4 s, then as expected: 1.5, 1.6, 1.7 s are within the hold time, 1.8 s is its end."""
     observer = watch(hold_s=0.3)
     for i in range(5):
@@ -109,7 +109,7 @@ def test_a_wheel_grips_again_when_it_has_run_as_expected_for_the_hold_time() -> 
     assert not observer.gating
 
 
-def test_a_wheel_that_slips_again_within_the_hold_time_starts_it_anew() -> None:
+def test_another_slip_restarts_the_hold_time() -> None:
     observer = watch(hold_s=0.3)
     see(observer, 1.0, 0.1)
     assert [bool(see(observer, 1.0 + 0.1 * i, 0.1 if i == 3 else 0.0)) for i in range(1, 7)] == [False] * 6
@@ -117,14 +117,14 @@ def test_a_wheel_that_slips_again_within_the_hold_time_starts_it_anew() -> None:
     assert see(observer, 1.71)
 
 
-def test_a_spin_that_turns_into_a_slide_is_named_again() -> None:
+def test_a_spin_that_becomes_a_slide_is_reported_again() -> None:
     observer = watch()
     see(observer, 1.0, 0.1)
     see(observer, 1.1, -0.1)
     assert codes(observer) == ["wheel_spin", "wheel_slide"]
 
 
-def test_a_slip_that_does_not_end_is_said_to_be_a_wrong_diameter() -> None:
+def test_an_endless_slip_is_reported_as_a_wrong_diameter() -> None:
     observer = watch(longest_s=5.0)
     for i in range(100):
         see(observer, 1.0 + 0.1 * i, 0.1)
@@ -138,7 +138,7 @@ def test_silence_at_speed_is_a_locked_wheel() -> None:
     assert codes(observer) == ["wheel_slide"]
 
 
-def test_silence_at_a_stand_is_none() -> None:
+def test_silence_at_standstill_is_no_slip() -> None:
     observer = watch()
     reading = SpeedReading(**head("odo", measured_at_ns=T0_NS), speed_max_mps=0.27, interval_s=0.1)
     assert observer.observe(reading, belief(v=0.05))
@@ -166,7 +166,7 @@ def test_the_diameter_is_reported_each_hundred_metres() -> None:
         see(observer, 0.2 * i, against=belief(0.2 * i, k_std=1e-3))
     notices = [notice for notice in observer.notices() if notice.code == "wheel_diameter"]
     assert len(notices) == 2
-    assert notices[0].text == "850.50 mm ± 0.81 at 100.0 m (told 810.0 mm)"
+    assert notices[0].text == "850.50 mm ± 0.81 at 100.0 m (nominal 810.0 mm)"
 
 
 def test_a_train_that_stands_on_a_hundred_metre_mark_reports_once() -> None:

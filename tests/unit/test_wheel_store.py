@@ -30,11 +30,11 @@ def knowledge(kept: Calibration, **changed: Any) -> tuple[float, float]:
     return as_knowledge(kept, **asked)
 
 
-def test_a_calibration_comes_back_as_it_was_written() -> None:
+def test_a_calibration_reads_back_as_written() -> None:
     assert from_bytes(to_bytes(KEPT)) == KEPT
 
 
-def test_prior_and_kept_calibration_together_are_what_was_kept_and_a_day_of_wear() -> None:
+def test_prior_and_stored_calibration_give_the_calibration_plus_wear() -> None:
     """σ² = 2 (5e-4)² + (2e-4)² a day later; information adds: 1/σ² = 1/σ₀² + 1/R, and κ/σ² = z/R."""
     z, R = knowledge(KEPT)
     together = 1.0 / (1.0 / 0.06**2 + 1.0 / R)
@@ -42,7 +42,7 @@ def test_prior_and_kept_calibration_together_are_what_was_kept_and_a_day_of_wear
     assert together * z / R == pytest.approx(0.0568)
 
 
-def test_the_older_it_is_the_less_it_says() -> None:
+def test_an_older_calibration_has_a_larger_variance() -> None:
     variances = [knowledge(replace(KEPT, saved_at_ns=NOW - days * DAY_NS))[1] for days in (0, 1, 10, 89)]
     assert variances == sorted(variances)
     assert variances[-1] == pytest.approx((89 * 2e-4) ** 2, rel=0.15)
@@ -52,7 +52,7 @@ def test_the_older_it_is_the_less_it_says() -> None:
     ("change", "says"),
     [
         ({"unit": "odo-2"}, "of odo-2"),
-        ({"told_diameter_m": 0.85}, "told 850 mm, not 810"),
+        ({"told_diameter_m": 0.85}, "nominal diameter is 850 mm, not 810"),
         ({"saved_at_ns": NOW - 91 * DAY_NS}, "91 days old"),
         ({"saved_at_ns": NOW + 120 * 10**9}, "future"),
         ({"scale": 0.31}, "1061.1 mm is not plausible"),
@@ -61,12 +61,12 @@ def test_the_older_it_is_the_less_it_says() -> None:
         ({"scale_std": 0.0, "saved_at_ns": NOW}, "no better than the prior"),
     ],
 )
-def test_a_calibration_that_cannot_be_right_is_refused(change: dict[str, Any], says: str) -> None:
+def test_an_implausible_calibration_is_refused(change: dict[str, Any], says: str) -> None:
     with pytest.raises(ValueError, match=says):
         knowledge(replace(KEPT, **change))
 
 
-def test_a_clock_set_back_by_a_few_seconds_is_no_future() -> None:
+def test_a_clock_set_back_by_seconds_does_not_refuse_a_calibration() -> None:
     assert knowledge(replace(KEPT, saved_at_ns=NOW + 5 * 10**9))[0] > 0.0
 
 
@@ -97,7 +97,7 @@ GOOD = {"unit": "odo", "told_diameter_m": 0.81, "scale": 0.0568, "scale_std": 5e
         signed(unit="odo"),
     ],
 )
-def test_what_was_spoilt_on_disk_is_no_calibration(kept: bytes) -> None:
+def test_a_corrupt_file_is_refused(kept: bytes) -> None:
     with pytest.raises(ValueError, match=r"not a calibration|checksum"):
         from_bytes(kept)
 
@@ -105,8 +105,8 @@ def test_what_was_spoilt_on_disk_is_no_calibration(kept: bytes) -> None:
 # in a filter -------------------------------------------------------------------------------------------------------------
 
 
-def node(told_m: float = 0.81, kind: str = "kalman") -> FilterNode:
-    odometer = sensor("odometer", straight_line(), "odo", diameter_m=told_m, scale_std=0.06)
+def node(nominal_m: float = 0.81, kind: str = "kalman") -> FilterNode:
+    odometer = sensor("odometer", straight_line(), "odo", diameter_m=nominal_m, scale_std=0.06)
     layout = Layout((("odo", odometer.private_states),))
     prior = Prior(np.array([0.0, 20.0, 0.0]), np.array([1.0, 1.0, 0.1]))
     row = FILTERS[kind]
@@ -130,7 +130,7 @@ def events(outputs: Any) -> list[tuple[str, str]]:
     return [(o.message.severity, o.message.code) for o in outputs if isinstance(o.message, Event)]
 
 
-def test_a_kept_calibration_enters_with_the_first_reading_and_never_again() -> None:
+def test_a_stored_calibration_counts_once_with_the_first_reading() -> None:
     cold = node()
     assert events(cold.restore(to_bytes(KEPT), NOW)) == [("info", "calibration_restored")]
     first, second = take(cold, 1), take(cold, 2)
@@ -142,7 +142,7 @@ def test_a_kept_calibration_enters_with_the_first_reading_and_never_again() -> N
 
 
 @pytest.mark.parametrize("kind", sorted(FILTERS))
-def test_a_kept_calibration_enters_as_it_is_whatever_the_filter_makes_of_readings(kind: str) -> None:
+def test_a_stored_calibration_enters_unchanged_with_every_filter(kind: str) -> None:
     cold = node(kind=kind)
     list(cold.restore(to_bytes(KEPT), NOW))
     plain = node()
@@ -150,7 +150,7 @@ def test_a_kept_calibration_enters_as_it_is_whatever_the_filter_makes_of_reading
     assert take(cold, 1).observations[1] == take(plain, 1).observations[1]
 
 
-def test_a_bad_file_is_an_event_and_the_prior_stands() -> None:
+def test_an_unusable_file_is_an_event_and_the_prior_is_used() -> None:
     cold = node()
     (output,) = cold.restore(to_bytes(replace(KEPT, unit="other")), NOW)
     assert isinstance(output.message, Event)
@@ -159,7 +159,7 @@ def test_a_bad_file_is_an_event_and_the_prior_stands() -> None:
     assert len(take(cold, 1).observations) == 1
 
 
-def test_what_a_filter_keeps_is_what_it_learned() -> None:
+def test_the_stored_calibration_is_the_learned_one() -> None:
     warm = node()
     assert warm.snapshot() is None
     list(warm.restore(to_bytes(KEPT), NOW))
@@ -193,7 +193,7 @@ def test_a_calibration_survives_a_cold_start_through_the_disk(tmp_path: Path) ->
     assert take(cold, 2).belief.mean[3] == pytest.approx(0.0568, abs=2e-3)
 
 
-def test_writing_happens_every_five_seconds_and_replaces_the_file(tmp_path: Path) -> None:
+def test_the_file_is_replaced_every_five_seconds(tmp_path: Path) -> None:
     warm = node()
     take(warm, 1)
     store = CalibrationStore(warm, tmp_path / "k.json")
@@ -206,7 +206,7 @@ def test_writing_happens_every_five_seconds_and_replaces_the_file(tmp_path: Path
     assert len(list(tmp_path.iterdir())) == 1
 
 
-def test_a_disk_that_fails_is_said_once_and_stops_nothing(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+def test_a_write_error_is_reported_once_and_does_not_stop_the_filter(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     warm = node()
     take(warm, 1)
     (tmp_path / "file").write_text("in the way")
@@ -217,5 +217,5 @@ def test_a_disk_that_fails_is_said_once_and_stops_nothing(tmp_path: Path, caplog
     assert list(store.restore(NOW)) == []
 
 
-def test_nothing_is_kept_without_a_folder() -> None:
+def test_without_a_folder_nothing_is_stored() -> None:
     assert calibration_store_for(node(), "metro-1", None) is None

@@ -26,7 +26,7 @@ def run(world: WorldNode, step_ns: int = 7 * MS, steps: int = 400) -> list[Truth
     return out
 
 
-def test_the_truth_is_told_at_every_epoch_once_until_the_end() -> None:
+def test_the_truth_is_published_once_per_epoch_until_the_end() -> None:
     world = node()
     told = run(world)
     assert [t.measured_at_ns for t in told] == [T0 + k * PERIOD for k in range(51)]
@@ -52,7 +52,7 @@ def test_a_start_off_the_grid_begins_with_the_first_epoch_after_it(offset_ms: in
     assert first.position_m == pytest.approx(100.0 + 10.0 * (PERIOD - offset_ms * MS) * 1e-9, abs=1e-3)
 
 
-def test_an_epochs_truth_is_told_when_the_node_asked_to_be_called_never_early_and_within_a_period() -> None:
+def test_the_truth_is_published_at_the_requested_tick_within_a_period() -> None:
     world = node()
     for k in range(51):
         due = world.next_tick_ns()
@@ -73,19 +73,19 @@ def test_a_late_tick_catches_up() -> None:
     assert world.next_tick_ns() == first + 6 * PERIOD
 
 
-def test_truth_goes_to_the_plane_that_no_fuser_hears() -> None:
+def test_the_truth_is_published_outside_the_fusers_subscriptions() -> None:
     assert {(o.stream, o.unit, o.message.unit) for o in node().tick(T0 + PERIOD)} == {("truth", "", "world")}
     assert list(node().subscriptions) == []
 
 
-def test_without_a_motion_time_ends_but_no_truth_is_told() -> None:
+def test_without_a_motion_time_ends_and_no_truth_is_published() -> None:
     world = WorldNode("t1", "w1", None, 1.0, T0, PERIOD)
     assert run(world) == []
     assert world.finished
     assert world.end_s == 1.0
 
 
-def test_a_node_that_replaces_another_numbers_its_messages_on() -> None:
+def test_a_replacement_node_continues_the_sequence_numbers() -> None:
     """The process builds its node anew once it knows when scenario time begins; what it has said before keeps its number."""
     first, second = node(), node()
     said = [first.event("info", "waiting_for", "waiting for fuser", T0).message.sequence for _ in range(2)]

@@ -1,1 +1,1 @@
-"""Train, line, scenario and motion files: read, checked, built."""
+"""Train, line, scenario and motion files are read and checked here, and made into objects."""

@@ -1,4 +1,4 @@
-"""What a world may say of how its wheels creep."""
+"""The creep of a world's wheels in a train file."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Friction = Annotated[float, Field(gt=0.0, le=1.0)]
 
 def _rising(span: list[float]) -> list[float]:
     if span[0] > span[1]:
-        raise ValueError("the lower friction comes first")
+        raise ValueError("the lower friction must come first")
     return span
 
 
@@ -44,7 +44,7 @@ class CreepEventFile(BaseModel):
 
 
 class AdhesionFile(BaseModel):
-    """Friction in patches along the line and what it takes for a wheel to creep; see `simulation.creep.Adhesion`."""
+    """Friction in patches along the line, and how far a wheel creeps beyond it; see `simulation.creep.Adhesion`."""
 
     model_config = STRICT
     dry: Frictions = [0.15, 0.30]
@@ -57,7 +57,7 @@ class AdhesionFile(BaseModel):
     units: list[Name] | None = None
 
     def build(self) -> Adhesion:
-        """The same, as the simulation takes it."""
+        """The adhesion model of the simulation."""
         return Adhesion(
             (self.dry[0], self.dry[1]),
             (self.poor[0], self.poor[1]),
@@ -78,7 +78,7 @@ class CreepFile(BaseModel):
     adhesion: AdhesionFile | None = None
 
     def units_named(self) -> Iterator[tuple[str, str]]:
-        """Where in the file a unit is named, and which."""
+        """Each (field, unit) where a unit is named."""
         for number, event in enumerate(self.events):
             yield from ((f"events.{number}.units", unit) for unit in event.units or ())
         if self.adhesion is not None:

@@ -1,4 +1,4 @@
-"""The one error of configuration files. It imports nothing heavy: the command line needs it before anything is loaded."""
+"""The error of configuration files. This module imports nothing slow: the command line needs it at once."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from pathlib import Path
 
 
 class ConfigError(Exception):
-    """A configuration that cannot be used: `file: field: what is wrong`."""
+    """A mistake in a configuration file; its text is `file: field: what is wrong`, in one line."""
 
     def __init__(self, file: Path | str, field: str, text: str) -> None:
         place = f"{file}: {field}" if field else f"{file}"
@@ -14,5 +14,5 @@ class ConfigError(Exception):
         self._parts = file, field, text
 
     def __reduce__(self) -> tuple[type[ConfigError], tuple[Path | str, str, str]]:
-        """Another process may have found the mistake."""
+        """Allow the error to be raised in another process."""
         return ConfigError, self._parts

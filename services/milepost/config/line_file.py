@@ -47,13 +47,13 @@ Balises = Annotated[
 ]
 
 
-# steeper than this is no railway but a mistake in the unit
+# a steeper gradient than this is a mistake in the unit
 STEEPEST_PERMILLE = 100.0
 GradientRow = Annotated[list[float], Field(min_length=2, max_length=2)]
 
 
 class LineFile(BaseModel):
-    """`length_m` is needed where there is no geometry.
+    """A line; `length_m` is required where there is no geometry.
 
     Geometry: `geojson`, a LineString feature in the direction of chainage, or `path_csv`, a recorded path with the columns
     `ecef_x_m`, `ecef_y_m`, `ecef_z_m`. Profile: `gradient`, rows [position_m, permille], positive uphill, linear between
@@ -82,7 +82,7 @@ def load_line(path: Path) -> Line:
         raise ConfigError(path, field, f"{file.geojson or file.path_csv}: {error}") from error
     length = file.length_m if file.length_m is not None else track.length_m if track else None
     if length is None:
-        raise ConfigError(path, "length_m", "needed where there is no geojson")
+        raise ConfigError(path, "length_m", "required where there is no geometry")
     balises = _balises(path, file, length)
     gradient, tunnels = _gradient(path, file, length), _tunnels(path, file, length)
     content: dict[str, Any] = {
@@ -122,7 +122,7 @@ def _balises(path: Path, file: LineFile, length_m: float) -> tuple[Balise, ...]:
 
 def _points(path: Path, file: LineFile) -> list[Point] | None:
     if file.geojson and file.path_csv:
-        raise ConfigError(path, "path_csv", "a line has one geometry: there is a geojson too")
+        raise ConfigError(path, "path_csv", "must not stand beside geojson")
     if file.geojson:
         return _read(path, "geojson", file.geojson, geojson_points)
     return _read(path, "path_csv", file.path_csv, ecef_points) if file.path_csv else None
@@ -143,9 +143,9 @@ def _gradient(path: Path, file: LineFile, length_m: float) -> tuple[tuple[float,
         if position_m <= before:
             raise ConfigError(path, f"gradient.{i}", "positions must increase")
         if position_m < 0.0:
-            raise ConfigError(path, f"gradient.{i}", "a position below 0")
+            raise ConfigError(path, f"gradient.{i}", "position must not be below 0")
         if abs(permille) >= STEEPEST_PERMILLE:
-            raise ConfigError(path, f"gradient.{i}", f"{permille:g} permille: not less than {STEEPEST_PERMILLE:g} up or down")
+            raise ConfigError(path, f"gradient.{i}", f"must be within ±{STEEPEST_PERMILLE:g} permille, not {permille:g}")
         if position_m > length_m:
             raise ConfigError(path, f"gradient.{i}", f"beyond the line's {length_m:.1f} m")
         before = position_m
@@ -156,7 +156,7 @@ def _tunnels(path: Path, file: LineFile, length_m: float) -> tuple[tuple[float, 
     before = 0.0
     for i, (from_m, to_m) in enumerate(file.tunnels):
         if from_m < before:
-            raise ConfigError(path, f"tunnels.{i}", f"begins before {before:.1f} m, where the line or the last tunnel was")
+            raise ConfigError(path, f"tunnels.{i}", f"begins before {before:.1f} m, in the last tunnel or before the line")
         if to_m > length_m:
             raise ConfigError(path, f"tunnels.{i}", f"beyond the line's {length_m:.1f} m")
         before = to_m

@@ -1,4 +1,4 @@
-"""What to say of a mistake that pydantic found: the value as it stands in the file, and the nearest word that is known."""
+"""The text for a mistake that pydantic found: what is wrong, the value in the file, and the nearest known word."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ LONGEST_VALUE = 60
 
 
 def nearest(word: object, known: Iterable[str]) -> str:
-    """`; did you mean 'x'?` for the known word that is most like this one; nothing where none is."""
+    """`; did you mean 'x'?` with the nearest known word; empty where no known word is similar."""
     found = get_close_matches(str(word), list(known), n=1)
     return f"; did you mean {found[0]!r}?" if found else ""
 
 
 def must_be_one_of(known: Iterable[str], value: object) -> str:
-    """The words that are possible, the one that was found, and the nearest to it."""
+    """`must be one of a, b, not 'x'`, with the nearest known word."""
     known = list(known)
-    return f"must be one of {', '.join(known)}, not {_shown(value)}{nearest(value, known)}"
+    return f"must be one of {', '.join(known)}, not {_abbreviated(value)}{nearest(value, known)}"
 
 
 def first_mistake(errors: list[ErrorDetails], model: type) -> ErrorDetails:
-    """The mistake to be mended first: a key that is unknown before one that is missing beside it, for one may be the other."""
+    """The mistake to report: for a missing key, an unknown key beside it that resembles a known one, else the first mistake."""
     first = errors[0]
     beside = [e for e in errors if e["type"] in UNKNOWN_KEY and e["loc"][:-1] == first["loc"][:-1]]
     if first["type"] == "missing":
@@ -36,7 +36,7 @@ def first_mistake(errors: list[ErrorDetails], model: type) -> ErrorDetails:
 
 
 def text_of(mistake: ErrorDetails, model: type) -> str:
-    """What is wrong, with the value and, for words, the nearest that is known."""
+    """What is wrong, with the value and, for words, the nearest known word."""
     kind, context, value = mistake["type"], mistake.get("ctx", {}), mistake["input"]
     if kind in UNKNOWN_KEY:
         known = known_keys(model, mistake["loc"])
@@ -48,23 +48,23 @@ def text_of(mistake: ErrorDetails, model: type) -> str:
         words = [word.strip("'") for word in context["expected"].replace(" or ", ", ").split(", ")]
         return must_be_one_of(words, value)
     text = mistake["msg"].removeprefix("Value error, ")
-    # of a whole mapping or list the field that is wrong is part of the text already
-    if kind == "missing" or (kind == "value_error" and isinstance(value, Mapping | list)) or _shown(value) in text:
+    # for a whole mapping or list the text names the wrong field already
+    if kind == "missing" or (kind == "value_error" and isinstance(value, Mapping | list)) or _abbreviated(value) in text:
         return text
-    return f"{text}, not {_shown(value)}"
+    return f"{text}, not {_abbreviated(value)}"
 
 
-def _shown(value: object) -> str:
+def _abbreviated(value: object) -> str:
     text = repr(value)
     return text if len(text) <= LONGEST_VALUE else f"{text[: LONGEST_VALUE - 3]}..."
 
 
 def known_keys(model: type, place: tuple[int | str, ...]) -> list[str]:
-    """The keys that the mapping may have in which the last part of a place stands, in the order of the model."""
+    """The keys that are allowed in the mapping at `place[:-1]`, in the order of the model."""
     here = [model]
     for part in place[:-1]:
         inside = [found for one in here for found in _models(_annotations(one).get(str(part)))]
-        # what is no field is an index, a key of a mapping, or the tag of a member of a union, which pydantic puts there
+        # a part that is no field is an index, a key of a mapping, or the tag of a union's member, which pydantic adds
         here = inside or [one for one in here if _has_tag(one, part)] or here
     return list(dict.fromkeys(name for one in here for name in _annotations(one)))
 

@@ -26,7 +26,7 @@ Positive = Annotated[float, Field(gt=0.0)]
 class WhiteJerkFile(BaseModel):
     """A simulated motion: a seeded white-jerk path around a speed profile of [time s, speed m/s] corners.
 
-    `corner_s`: the time that a change of acceleration takes; sharp corners would be jerks that no real train makes.
+    `corner_s`: the time that a change of acceleration takes; a sharp corner needs infinite jerk.
     """
 
     model_config = STRICT
@@ -46,17 +46,17 @@ class WhiteJerkFile(BaseModel):
         return self
 
     def build(self, line: Line, seed: int, until_s: float | None) -> Motion:
-        """The motion, until the line's end or `until_s`. Raises ValueError("field: ...") if it has no end."""
+        """The motion until the line's end or `until_s`. Raises ValueError("field: ...") if it has no end."""
         profile = Profile([(corner[0], corner[1]) for corner in self.profile], self.start_m, self.corner_s)
         end_s = profile.reaches(line.length_m - 50.0)
         if until_s is None and math.isinf(end_s):
-            raise ValueError("profile: never reaches the line's end; give a duration")
+            raise ValueError("profile: does not reach the line's end: a duration is required")
         end_s = min(end_s, until_s or end_s)
         return WhiteJerkMotion(profile, end_s, self.jerk_psd_m2ps5, self.driver_time_s, self.start_std, seed)
 
 
 class RecordedFile(BaseModel):
-    """A motion that a GNSS log's RTK fixes show; fixes within `untrusted_s` are left out.
+    """The motion through a GNSS log's RTK fixes; fixes within `untrusted_s` are left out.
 
     `gnss_log`: a path, or a column map as a unit's `recording`.
     """
@@ -77,9 +77,9 @@ class RecordedFile(BaseModel):
         return self
 
     def build(self, line: Line, seed: int, until_s: float | None) -> Motion:  # noqa: ARG002
-        """The smooth motion through the fixes. Raises ValueError("field: ...") for a log that gives none."""
+        """The smoothed motion through the fixes. Raises ValueError("field: ...") where the log has too few of them."""
         if line.track is None:
-            raise ValueError("gnss_log: a recorded motion needs a line with geometry")
+            raise ValueError("gnss_log: requires a line with geometry")
         try:
             fixes = read_gnss_log(self.gnss_log, self._trusted)
             motion = smooth_motion(self.gnss_log.file, fixes, line.track, self.fix_std_m, self.jerk_psd_m2ps5)
@@ -88,7 +88,7 @@ class RecordedFile(BaseModel):
         return _until(motion, until_s)
 
     def check_time_zero(self, unit: str, recording: RecordingOptions) -> None:
-        """Check that scenario time 0 is the same in a unit's recording, if both are on one clock. Raises ValueError."""
+        """Raise ValueError if a unit's recording on the same clock has another scenario time 0."""
         own, other = self.gnss_log, recording.time
         one_column = own.file == recording.file and own.time.column == other.column
         if not (one_column or own.time.unit == other.unit == ISO):
@@ -96,14 +96,14 @@ class RecordedFile(BaseModel):
         ahead_s = time_zero_s(recording) - time_zero_s(own)
         if abs(ahead_s) > SAME_S:
             text = f"{abs(ahead_s):g} s {'before' if ahead_s > 0.0 else 'after'} that of units.{unit}.recording"
-            raise ValueError(f"gnss_log.time.zero_at: scenario time 0 is {text}: both need the same zero_at")
+            raise ValueError(f"gnss_log.time.zero_at: scenario time 0 is {text}: both must have the same zero_at")
 
     def _trusted(self, fix: RecordedFix) -> bool:
         return fix.solution == "rtk_fixed" and not any(a <= fix.t_s < b for a, b in self.untrusted_s)
 
 
 class RecordedPathFile(BaseModel):
-    """A motion recorded as positions and velocities in earth-centred metres, such as comma2k19's."""
+    """A motion recorded as positions and velocities in earth-centred metres (ECEF), such as comma2k19's."""
 
     model_config = STRICT
     kind: Literal["recorded_path"]
@@ -112,7 +112,7 @@ class RecordedPathFile(BaseModel):
     def build(self, line: Line, seed: int, until_s: float | None) -> Motion:  # noqa: ARG002
         """The motion along the line. Raises ValueError("field: ...") for a file that cannot be read."""
         if line.track is None:
-            raise ValueError("path_csv: a recorded motion needs a line with geometry")
+            raise ValueError("path_csv: requires a line with geometry")
         try:
             return _until(path_motion(self.path_csv, line.track), until_s)
         except (ValueError, OSError) as error:

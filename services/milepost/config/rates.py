@@ -1,4 +1,4 @@
-"""What rates a train's streams should have, by what paces them in the stream table."""
+"""The expected rates of a train's streams, by their pace in the stream table."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from .train import Train
 
 
 def expected_hz(train: Train, role: Role, unit: str, node: Node) -> dict[str, float]:
-    """The least rate in Hz of each stream that a process sends or receives message by message; none where nothing sets it."""
+    """The least rate in Hz of each stream that a process sends or receives message by message; without streams of events."""
     streams = [(BY_NAME[name], unit) for name in role.sends(train, unit)]
     streams += [(BY_NAME[s.stream], s.unit) for s in node.subscriptions if not s.newest_only]
     rates = {stream.name: _rate_hz(train, stream, of) for stream, of in streams}
@@ -18,7 +18,7 @@ def expected_hz(train: Train, role: Role, unit: str, node: Node) -> dict[str, fl
 
 
 def _rate_hz(train: Train, stream: Stream, unit: str) -> float:
-    """The rate of a stream, of one unit or ('*') summed over all; units that report as things happen add nothing."""
+    """The rate of a stream in Hz, of one unit or ('*') summed over all; aperiodic units add nothing."""
     fusion = train.file.fusion
     epochs_hz = 1000.0 / fusion.period_ms
     if stream.paced_by == "unit":

@@ -32,7 +32,7 @@ from .yaml_files import ConfigError
 
 @dataclass(frozen=True)
 class Setting:
-    """What a node is built for: an instance's name and, on a simulated train, its world and where scenario time stands.
+    """The setting of a node: its instance's name and, on a simulated train, its world and scenario time.
 
     `start_ns` is the UTC time of scenario time 0, `from_s` the scenario time at which the process begins, `until_s` the
     scenario time at which recordings end, where they do not end before.
@@ -46,14 +46,14 @@ class Setting:
 
     @classmethod
     def of(cls, train: Train, instance: str, until_s: float | None, start_ns: int = 0) -> Setting:
-        """A train's: scenario time ends at `until_s`, or where its line or its recordings end. Raises ConfigError."""
+        """A train's setting: scenario time ends at `until_s`, or where the line or the recordings end. Raises ConfigError."""
         world = train.world(until_s) if train.file.world is not None else None
         return cls(instance, world, start_ns, until_s=until_s)
 
 
 @dataclass(frozen=True)
 class Role:
-    """`units` lists what a train needs this role for; `uses_world` for those that need the simulated train.
+    """A kind of process: `units` lists what a train needs it for; `uses_world`: it needs the simulated train.
 
     `sends` are the streams of the stream table that the process for a unit sends, besides `event` and `health`.
     """
@@ -69,7 +69,7 @@ class Role:
 
 def _world(train: Train, unit: str, setting: Setting) -> Node:  # noqa: ARG001
     if setting.world is None and not train.replayed_units:
-        raise ConfigError(train.path, "world", "needed for the role `world`")
+        raise ConfigError(train.path, "world", "required for the role `world`")
     motion = setting.world.motion if setting.world is not None else None
     end_s = motion.end_s if motion is not None else min(train.recorded_end_s, setting.until_s or math.inf)
     period_ns = train.file.fusion.period_ms * 1_000_000
@@ -87,7 +87,7 @@ def _sensor(train: Train, unit: str, setting: Setting) -> Node:
 
 def _filter(train: Train, unit: str, setting: Setting) -> Node:
     sensor, fusion = train.sensors[unit], train.file.fusion
-    # what is known of the speed before anything was heard: the train stands
+    # the share at standstill: the speed is not known before the first reading
     share = shares(train).at(train.fused_units, 0.0, {}).get(unit, 0.0) if fusion.feedback else 1.0
     setup = FilterSetup(
         full_layout(train).only([unit]),
@@ -123,16 +123,16 @@ def prior(train: Train) -> Prior:
 
 
 def shares(train: Train) -> Shares:
-    """How the train file wants information shared."""
-    said = train.file.fusion.shares
-    if isinstance(said, BySpeedFile):
-        rows = said.by_speed
+    """The train file's rule for the shares."""
+    entry = train.file.fusion.shares
+    if isinstance(entry, BySpeedFile):
+        rows = entry.by_speed
         return SharesBySpeed(tuple(SpeedRow(r.below_kmh / 3.6 if r.below_kmh else math.inf, r.shares) for r in rows))
-    return FixedShares(said) if isinstance(said, dict) else SharesByAccuracy()
+    return FixedShares(entry) if isinstance(entry, dict) else SharesByAccuracy()
 
 
 def fuser_settings(train: Train) -> FuserSettings:
-    """What the train file says of fusion, as the fuser's node takes it."""
+    """The settings of the fuser's node, from a train file."""
     fusion = train.file.fusion
     judges = {unit: judge for unit in train.fused_units if (judge := _judge(train, unit)) is not None}
     rows = [
@@ -164,7 +164,7 @@ def fuser_settings(train: Train) -> FuserSettings:
 
 
 def _judge(train: Train, unit: str) -> UnitJudge | None:
-    """Who judges a unit's readings in the fuser; None where the filter's rows are all that there is to know."""
+    """The judge of a unit's readings in the fuser; None where the fuser takes the filter's rows."""
     sensor, (kind, _) = train.sensors[unit], train.filters[unit]
     observer = sensor.observer()
     if not kind.passes_readings or (observer is sensor and not sensor.needs_belief):
@@ -211,7 +211,7 @@ ROLES: dict[str, Role] = {
 
 @dataclass(frozen=True, slots=True)
 class Process:
-    """One process of a train: `name` is what its token, its health and its container are called."""
+    """One process of a train: `name` is the name of its token, its health messages and its container."""
 
     name: str
     role: str

@@ -20,7 +20,7 @@ Window = list[Span] | Literal["creep"]
 
 
 class WithheldFile(BaseModel):
-    """Fixes of a unit's recording that the filters do not get and that the result is compared with afterwards.
+    """Fixes of a unit's recording that are withheld from the filters and compared with the result.
 
     Only fixes of one `solution` are compared.
     """
@@ -33,7 +33,7 @@ class WithheldFile(BaseModel):
 
 
 class EstimatorFile(BaseModel):
-    """The scenario's train with `change` and its own rule, run through nodes of its own."""
+    """An estimator: the scenario's train with `change` and its own rule, run in nodes of its own."""
 
     model_config = STRICT
     change: dict[str, Any] = Field(default_factory=dict)
@@ -77,7 +77,7 @@ class ClaimFile(BaseModel):
     @model_validator(mode="after")
     def _one_target(self) -> ClaimFile:
         if self.at_most is not None and self.at_least is not None:
-            raise ValueError("give either at_most or at_least")
+            raise ValueError("either at_most or at_least is required, not both")
         return self
 
 
@@ -115,6 +115,6 @@ def load_scenario(path: Path, seed: int | None = None, rule: str | None = None) 
     try:
         return scenario, load_train(scenario.train, change, scenario.seed if seed is None else seed)
     except ConfigError as error:
-        # if the train is sound by itself, it is the change that is not
+        # without an error here the train is valid by itself, and the mistake is in the change
         load_train(scenario.train)
         raise ConfigError(path, "change", str(error)) from error

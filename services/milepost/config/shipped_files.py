@@ -1,4 +1,4 @@
-"""Trains and scenarios by name: first those in the working folder's `deploy`, then those that Milepost ships."""
+"""Trains and scenarios by name: first those in the working folder's `deploy`, then the shipped ones."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ PACKAGE = Path(__file__).resolve().parents[1]
 
 
 def shipped_folder() -> Path:
-    """The `deploy` folder that came with this installation: inside a wheel, or the repository's in an editable install."""
+    """The `deploy` folder of this installation: inside the wheel, or the repository's in an editable install."""
     inside = PACKAGE / "deploy"
     return inside if inside.is_dir() else PACKAGE.parents[1] / "deploy"
 
 
 def names_in(kind: str) -> list[str]:
-    """The names of all `trains` or `scenarios` that can be asked for, sorted."""
+    """The names of all known `trains` or `scenarios`, sorted."""
     return sorted({path.stem for folder in _folders(kind) for path in folder.glob("*.yaml")})
 
 
@@ -30,13 +30,13 @@ def find_file(given: Path, kind: str) -> Path:
         path = folder / f"{given}.yaml"
         if path.is_file():
             return path
-    # a mistake is rare: without this import the command line starts faster
+    # imported only here, because without it the command line starts faster
     from .yaml_files import ConfigError
 
     names = names_in(kind)
     near = get_close_matches(str(given), names, n=1)
-    meant = f"; did you mean {near[0]!r}?" if near else ""
-    raise ConfigError(given, "", f"neither a file nor one of the {kind}: {', '.join(names)}{meant}")
+    suggestion = f"; did you mean {near[0]!r}?" if near else ""
+    raise ConfigError(given, "", f"neither a file nor one of the {kind}: {', '.join(names)}{suggestion}")
 
 
 def scenario_folder() -> Path:

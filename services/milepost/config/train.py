@@ -1,4 +1,4 @@
-"""Train and scenario files loaded: everything that can be wrong with them is said before anything starts."""
+"""Train files are loaded and checked completely before any process starts."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from .yaml_files import ConfigError, merged, read_yaml, validate, validate_datac
 
 @dataclass(frozen=True)
 class Train:
-    """A train file with everything it names loaded and checked."""
+    """A train file, with its line, sensors and filters loaded and checked."""
 
     path: Path
     file: TrainFile
@@ -41,7 +41,7 @@ class Train:
 
     @property
     def fused_units(self) -> list[str]:
-        """The units that a local filter speaks for, in order."""
+        """The units with a local filter, in order."""
         return list(self.filters)
 
     @property
@@ -61,7 +61,7 @@ class Train:
 
     @cached_property
     def recorded_end_s(self) -> float:
-        """The scenario time of the last reading of all recordings; 0 without any. Raises ConfigError for one that is spoilt."""
+        """The scenario time of the last reading of all recordings; 0 without any. Raises ConfigError."""
         return max((self._last_s(unit) for unit in self.replayed_units), default=0.0)
 
     def _last_s(self, unit: str) -> float:
@@ -78,7 +78,7 @@ class Train:
     def world(self, until_s: float | None = None) -> World:
         """The simulated world, until its line, its recording or `until_s` ends. Raises ConfigError if there is none."""
         if self.file.world is None:
-            raise ConfigError(self.path, "world", "needed for simulated units")
+            raise ConfigError(self.path, "world", "required for simulated units")
         file, seed = self.file.world, self.file.world.seed
         try:
             motion = file.motion.build(self.line, seed, until_s)
@@ -90,7 +90,7 @@ class Train:
 
 
 def load_train(path: Path, change: Mapping[str, Any] | None = None, seed: int | None = None) -> Train:
-    """A train from its file, with `change` laid over it, and the seed of its world where it has one. Raises ConfigError."""
+    """A train from its file, changed by `change` and, where it has a world, by `seed`. Raises ConfigError."""
     content = merged(read_yaml(path), change or {})
     if seed is not None and content.get("world") is not None:
         content = merged(content, {"world": {"seed": seed}})
@@ -124,12 +124,12 @@ def load_train(path: Path, change: Mapping[str, Any] | None = None, seed: int | 
 
 def _filter(path: Path, field: str, named: str | dict[str, Any]) -> tuple[type[LocalFilter[Any]], Any]:
     """A filter's row and its options, from its name alone or from a mapping with `kind`."""
-    said = {"kind": named} if isinstance(named, str) else dict(named)
-    name = said.pop("kind", None)
+    entry = {"kind": named} if isinstance(named, str) else dict(named)
+    name = entry.pop("kind", None)
     row = FILTERS.get(str(name))
     if row is None:
         raise ConfigError(path, field, must_be_one_of(FILTERS, name))
-    return row, validate_dataclass(path, said, row.options_model, field)
+    return row, validate_dataclass(path, entry, row.options_model, field)
 
 
 def _units_of_shares(shares: Any) -> Iterator[tuple[str, str]]:
@@ -141,7 +141,7 @@ def _units_of_shares(shares: Any) -> Iterator[tuple[str, str]]:
 
 
 def _origin(sensor: Sensor[Any]) -> Any:
-    """The options of where a unit's readings come from; None where they are simulated."""
+    """The options of a unit's `recording` or `receiver`; None where its readings are simulated."""
     source = sensor.options.source
     return None if source == "simulation" else getattr(sensor.options, source, None)
 
@@ -150,7 +150,7 @@ def _check_source(train: Train, unit: str, sensor: Sensor[Any]) -> None:
     options, place = sensor.options, f"units.{unit}"
     origin = _origin(sensor)
     if options.source != "simulation" and origin is None:
-        raise ConfigError(train.path, f"{place}.{options.source}", f"needed with `source: {options.source}`")
+        raise ConfigError(train.path, f"{place}.{options.source}", f"required with `source: {options.source}`")
     if isinstance(origin, RecordingOptions):
         try:
             check_map(origin, BY_NAME[sensor.stream].message)
@@ -160,7 +160,7 @@ def _check_source(train: Train, unit: str, sensor: Sensor[Any]) -> None:
     if file is not None and not file.is_file():
         raise ConfigError(train.path, f"{place}.{options.source}", f"{file}: no such file")
     if origin is not None and file is None and train.has_scenario_time:
-        text = "a live receiver keeps real time: it cannot stand beside a `world` or a recording"
+        text = "a live receiver keeps real time and cannot be used with a `world` or a recording"
         raise ConfigError(train.path, f"{place}.receiver", text)
     motion = train.file.world.motion if train.file.world is not None else None
     if isinstance(origin, RecordingOptions) and isinstance(motion, RecordedFile):
@@ -174,4 +174,4 @@ def _check_source(train: Train, unit: str, sensor: Sensor[Any]) -> None:
 def _check_geometry(train: Train) -> None:
     for unit, sensor in train.sensors.items():
         if sensor.stream == "position_reading" and train.line.track is None:
-            raise ConfigError(train.path, f"units.{unit}", f"needs a line with geometry, and {train.line.name} has none")
+            raise ConfigError(train.path, f"units.{unit}", f"requires a line with geometry; {train.line.name} has none")

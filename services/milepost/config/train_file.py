@@ -1,4 +1,4 @@
-"""What a train file may say."""
+"""The model of train files."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Positive = Annotated[float, Field(gt=0.0)]
 
 
 class PriorFile(BaseModel):
-    """What is believed before the first observation."""
+    """The prior: position, speed and acceleration before the first observation."""
 
     model_config = STRICT
     position_m: PositionM
@@ -32,7 +32,7 @@ class PriorFile(BaseModel):
 
 def _sums_to_one(shares: dict[str, float]) -> dict[str, float]:
     if shares and abs(sum(shares.values()) - 1.0) > 1e-9:
-        raise ValueError(f"they must sum to 1, not {sum(shares.values()):g}")
+        raise ValueError(f"shares must sum to 1, not {sum(shares.values()):g}")
     return shares
 
 
@@ -40,7 +40,7 @@ ShareTable = Annotated[dict[Name, Annotated[float, Field(ge=0.0, le=1.0)]], Afte
 
 
 class SpeedRowFile(BaseModel):
-    """Shares below a speed; without `below_kmh`, above all."""
+    """Shares below a speed; without `below_kmh`, above the row before."""
 
     model_config = STRICT
     below_kmh: Positive | None = None
@@ -57,7 +57,7 @@ class BySpeedFile(BaseModel):
     def _rising(self) -> BySpeedFile:
         ends = [row.below_kmh for row in self.by_speed]
         if ends[-1] is not None or any(end is None for end in ends[:-1]):
-            raise ValueError("by_speed: every row but the last needs below_kmh")
+            raise ValueError("by_speed: below_kmh is required in every row but the last")
         if any(b <= a for a, b in pairwise(end for end in ends if end is not None)):
             raise ValueError("by_speed: below_kmh must increase")
         return self
@@ -76,7 +76,7 @@ SharesFile = Annotated[Fixed | BySpeed | ByAccuracy, Discriminator(_kind_of_shar
 
 
 class FusionFile(BaseModel):
-    """How the fuser works; DESIGN's defaults. Feedback goes out with every `feedback_every`-th state."""
+    """The settings of the fuser. Feedback is sent with every `feedback_every`-th state."""
 
     model_config = STRICT
     rule: str = "information"
@@ -97,7 +97,7 @@ class FusionFile(BaseModel):
 
 
 class WorldFile(BaseModel):
-    """The train that is not there. Absent on a real train, and where recordings are replayed without a truth."""
+    """The simulated train. Absent on a real train, and where recordings are replayed without a truth."""
 
     model_config = STRICT
     seed: Annotated[int, Field(ge=0)] = 1

@@ -1,4 +1,4 @@
-"""YAML files read strictly: a mistake is one line naming file and field."""
+"""YAML files are read strictly: a mistake is reported in one line that names file and field."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ D = TypeVar("D")
 
 
 class _Loader(yaml.SafeLoader):
-    """YAML 1.2's floats (1e-6 is a number) and no key twice."""
+    """Reads YAML 1.2's floats (1e-6 is a number) and refuses duplicate keys."""
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
         seen: set[object] = set()
@@ -51,7 +51,7 @@ def read_yaml(path: Path) -> dict[str, Any]:
         raise ConfigError(path, line, error.problem or "not YAML") from error
     except yaml.YAMLError as error:
         raise ConfigError(path, "", " ".join(str(error).split())) from error
-    except (ValueError, RecursionError) as error:  # what looks like a date or a number and is none; brackets without end
+    except (ValueError, RecursionError) as error:  # an invalid date or number; too many nested brackets
         raise ConfigError(path, "", f"not YAML: {error}") from error
     if not isinstance(content, dict):
         raise ConfigError(path, "", "not a mapping")
@@ -59,7 +59,7 @@ def read_yaml(path: Path) -> dict[str, Any]:
 
 
 def validate(path: Path, content: Mapping[str, Any], model: type[M], prefix: str = "") -> M:
-    """A mapping as a model; paths in it are meant from the file's folder. Raises ConfigError for the first mistake."""
+    """A mapping as a model; paths in it are relative to the file's folder. Raises ConfigError for the first mistake."""
     try:
         return model.model_validate(content, context={"folder": path.parent})
     except ValidationError as error:
@@ -80,7 +80,7 @@ def validate_dataclass(path: Path, content: Mapping[str, Any], kind: type[D], fi
 
 
 def _place(content: Any, loc: Sequence[int | str], missing: bool) -> list[str]:
-    """Where in the file an error is: pydantic's place without the names of union members, which nobody wrote there."""
+    """The place of an error in the file: pydantic's place without the tags of union members, which are not in the file."""
     out = []
     for number, part in enumerate(loc, start=1):
         inside = part in content if isinstance(content, Mapping) else isinstance(content, list) and isinstance(part, int)

@@ -1,4 +1,4 @@
-"""The centralised filter: all readings at once, sorted, one pass. What every other result is measured against."""
+"""The centralised filter: one pass over all readings in order of time. Every other result is compared with it."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from .kalman import predict, update
 from .layout import PLACES_OF_COMMON, Array, Layout
 from .motion import full_process_noise, full_transition
 
-# sensors on a grid repeat the same few intervals for ever; those that do not must not fill the memory
+# periodic sensors repeat a few intervals; aperiodic ones must not fill the memory
 KEPT_INTERVALS = 1024
 
 LinearRow = tuple[tuple[float, ...], float, float]
@@ -45,8 +45,8 @@ def centralised(
     """The optimal estimate at each epoch, from all readings until then: (epoch, mean (n), covariance (n, n)).
 
     An extended Kalman filter over the full state: each reading is linearised at what all readings before it say. For linear
-    sensors it is the Kalman filter. The prior sits at the earliest reading, or at `begins_ns`, before which no reading says
-    anything. Epochs before it are passed over.
+    sensors it is the Kalman filter. The prior sits at the earliest reading, or at `begins_ns`, before which no reading
+    counts. Epochs before it are left out.
     """
     ordered = sorted(readings, key=lambda reading: (reading.measured_at_ns, reading.order, reading.sequence))
     if not ordered:
@@ -75,7 +75,7 @@ def _take(x: Array, P: Array, reading: Reading, layout: Layout) -> tuple[Array, 
 
 
 class _Steps:
-    """F and Q by interval: making them costs three times as much as using them."""
+    """F and Q, stored by interval: to make them costs three times as much as to use them."""
 
     def __init__(self, layout: Layout, jerk_psd: float) -> None:
         self._layout, self._jerk_psd = layout, jerk_psd

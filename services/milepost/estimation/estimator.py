@@ -24,7 +24,7 @@ from .timeline import Counters, Timeline
 
 @dataclass(frozen=True)
 class Prior:
-    """What is believed before the first observation: mean (3) and standard deviation (3) of [s, v, a]."""
+    """The prior before the first observation: mean (3) and standard deviation (3) of [s, v, a]."""
 
     mean: Array
     std: Array
@@ -56,15 +56,15 @@ class Estimator:
         self._jerk_psd = jerk_psd
         self._share = share
         self._prior = prior
-        # the last feedback, as it came
-        self._fed: tuple[int, Array, Array] | None = None
+        # the last feedback, before the share divides it
+        self._last_feedback: tuple[int, Array, Array] | None = None
         mean, covariance = layout.prior(prior.mean, prior.std)
         kernel = kernels(layout, jerk_psd / share)
         self._timeline = Timeline(kernel, kernel.prior(mean, inflate_common(mean, covariance, share)), horizon_ns)
 
     @property
     def timeline(self) -> Timeline:
-        """The observations, in order."""
+        """The timeline of observations."""
         return self._timeline
 
     @property
@@ -74,7 +74,7 @@ class Estimator:
 
     @property
     def counters(self) -> Counters:
-        """What was accepted, refused and replayed."""
+        """The numbers of accepted, refused and replayed observations."""
         return self._timeline.counters
 
     def insert(self, observation: Observation, now_ns: int) -> str | None:
@@ -95,11 +95,11 @@ class Estimator:
         return None if state is None else self.kernel.unpack(state)
 
     def belief_at(self, at_ns: int) -> tuple[Array, Array] | None:
-        """What is believed of a time, also of one before the feedback that it all rests on; None where nothing is known.
+        """Mean (n) and covariance (n, n) at a time, also before the last feedback; None where nothing is known.
 
         Backwards, x(t) = F⁻¹ (x - w): P ← F⁻¹ (P + Q) F⁻ᵀ, from the fused P and q themselves, not divided by the share. The
-        path between is taken as unseen, so P is not too small for an observation that is true before the feedback and did
-        not enter it.
+        observations in between are not used again, so P is not too small for an observation that is true before the
+        feedback and did not enter it.
         """
         base_ns, state = self._timeline.base_ns, self.state_at(at_ns)
         if state is not None or base_ns is None:
@@ -110,23 +110,23 @@ class Estimator:
         return F @ mean, F @ (fused + full_process_noise(dt_s, self._jerk_psd, self.layout)) @ F.T
 
     def _fused_at(self, base_ns: int) -> tuple[Array, Array]:
-        """The belief at the base with the common block as it was before the share divided it."""
-        if self._fed is not None and self._fed[0] == base_ns:
-            return self._fed[1:]
+        """The belief at the base, with the common block not divided by the share."""
+        if self._last_feedback is not None and self._last_feedback[0] == base_ns:
+            return self._last_feedback[1:]
         mean, shared = self.kernel.unpack(self._timeline.state_at(base_ns))
         return replace_common(mean, shared, mean[:N_COMMON], self._share * shared[:N_COMMON, :N_COMMON])
 
     def raw_at(self, at_ns: int) -> Any | None:
-        """The belief at a time in the kernel's own form; None where nothing is known."""
+        """The belief at a time in the kernel's form; None where nothing is known."""
         return self._timeline.state_at(at_ns)
 
     def lists_at(self, at_ns: int) -> tuple[list[float], list[list[float]]] | None:
-        """The same as lists, for messages: the hot path makes no array of nine numbers."""
+        """Mean (n) and covariance (n, n) at a time as lists: messages take no arrays."""
         state = self._timeline.state_at(at_ns)
         return None if state is None else self.kernel.lists(state)
 
     def withdraw(self, unit: str, since_ns: int) -> list[Observation]:
-        """Take a unit's observations from `since_ns` on out of the result, exactly."""
+        """Remove a unit's observations from `since_ns` on from the result, exactly."""
         return self._timeline.withdraw(unit, since_ns)
 
     def restore(self, observations: Iterable[Observation]) -> None:
@@ -134,11 +134,11 @@ class Estimator:
         self._timeline.restore(observations)
 
     def advance_to(self, now_ns: int) -> None:
-        """Let time pass: fold what is settled into the base."""
+        """Advance the time to `now_ns`: fold settled observations into the base."""
         self._timeline.advance_to(now_ns)
 
     def start_from(self, at_ns: int, mean: Array, covariance: Array) -> None:
-        """Continue from a belief at a time; what was observed until then is in it."""
+        """Continue from a belief at a time, which contains all observations until then."""
         self._timeline.rebase(at_ns, self.kernel.pack(mean, covariance))
 
     def accept_feedback(
@@ -158,13 +158,13 @@ class Estimator:
         if len(mean) < self.layout.dimension:
             before = self.state_at(at_ns) or self.layout.prior(self._prior.mean, self._prior.std)
             mean, covariance = replace_common(*before, np.array(mean), np.array(covariance))
-        # everything that can fail is done before anything changes
+        # everything that can fail comes first, so that refused feedback changes nothing
         state = self.kernel.shared(mean, covariance, share)
         if share != self._share:
             self._share = share
             self._timeline.kernel = self._kernels(self.layout, self._jerk_psd / share)
         self._timeline.rebase(at_ns, state)
-        self._fed = (at_ns, np.array(mean), np.array(covariance))
+        self._last_feedback = (at_ns, np.array(mean), np.array(covariance))
         return True
 
     @property

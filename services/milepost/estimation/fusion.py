@@ -1,4 +1,4 @@
-"""THE TABLE OF FUSION RULES: how the fuser makes one state of what the filters and the balise service say."""
+"""THE TABLE OF FUSION RULES: how the fuser makes one state of estimates and fixes."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ from .motion import transition
 from .observation import Identity, Observation, Place, untimely
 from .timeline import Counters
 
-# forgetting costs the length of a list, so it is done for some at once
+# deleting from the front of a list costs its length, so it is done for many entries at once
 FORGET_AT_LEAST = 64
 NO_JUDGES: Mapping[str, Judge] = {}
 
 
 class LocalBelief(NamedTuple):
-    """A filter's mean and covariance at a time; `fed` if feedback is in it, so that it began where the others did."""
+    """A filter's mean and covariance at a time; `fed`: it contains feedback, and so has the same origin as the others."""
 
     at_ns: int
     mean: list[float]
@@ -34,7 +34,7 @@ class LocalBelief(NamedTuple):
 
 
 class Fused(NamedTuple):
-    """A fused mean and covariance, the judges' last verdicts by unit, and since when there is a fused state."""
+    """A fused mean and covariance, the judges' last verdicts by unit, and the time of the first fused state."""
 
     mean: list[float]
     covariance: list[list[float]]
@@ -54,7 +54,7 @@ class Fused(NamedTuple):
 
 
 class FusionRule(Protocol):
-    """What the fuser asks of a rule. Refusals come back as the reason, None where all was taken.
+    """The interface of a fusion rule. `take_...` return the reason for a refusal, None where an observation is accepted.
 
     `needs_shares`: whether the fused state depends on the shares.
     """
@@ -73,9 +73,9 @@ class FusionRule(Protocol):
 
 
 class InformationFusion:
-    """Ours: every filter's observations into one timeline over the full state; exactly as good as a centralised filter.
+    """Milepost's rule: one timeline over the full state takes every filter's observations; it equals a centralised filter.
 
-    A unit with a judge sends whole readings, which are linearised and judged here, where they stand in time.
+    A unit with a judge sends whole readings, which are linearised and judged here at their place in time.
     Rejected: the information increment as a difference of beliefs, P⁻¹ - P̄⁻¹. It is optimal without private states, but
     with them 1.13 to 1.5 times the optimum and overconfident when filters restart: a private prior is counted again.
     """
@@ -109,7 +109,7 @@ class InformationFusion:
         return [self.estimator.insert(o, now_ns) for o in observations]
 
     def take_fix(self, fix: Observation, now_ns: int) -> str | None:
-        """One more observation."""
+        """Insert the fix as one observation."""
         return self.estimator.insert(fix, now_ns)
 
     def start_from(self, at_ns: int, mean: Array, covariance: Array) -> None:
@@ -125,17 +125,17 @@ class InformationFusion:
         return Fused(mean, covariance, judged.verdicts, judged.since_ns)
 
     def advance_to(self, now_ns: int) -> None:
-        """Fold what is settled."""
+        """Fold settled observations into the base."""
         self.estimator.advance_to(now_ns)
 
 
 class FederatedFusion:
-    """The sources': each filter's last belief until the epoch, carried to it with Q/β, weighted by its information.
+    """The sources' rule: each filter's last belief is predicted to the epoch with Q/β and weighted by its information.
 
-    A fix corrects the fused state, s_g = s_b up to its variance, and reaches the filters with the feedback. Nothing can be
-    rewound: a late estimate replaces nothing, a late fix is taken at the next epoch with h = [1, -T, T²/2], T its age.
-    With feedback, the filter that was heard first is the origin, and another counts once it has had feedback: on its own
-    it would start from the train file's prior, at another time, or after a restart at quite another place.
+    A fix corrects the fused state, s_g = s_b up to its variance, and reaches the filters with the feedback. There is no
+    rewind: a late estimate replaces nothing, a late fix is taken at the next epoch with h = [1, -T, T²/2], T its age.
+    With feedback, the filter that was heard first is the origin, and another one counts after its first feedback: before,
+    it starts from the train file's prior at another time, or after a restart at another position.
     Source: A (12)-(17), B.
     """
 
@@ -159,7 +159,7 @@ class FederatedFusion:
         self._beliefs: dict[str, list[LocalBelief]] = {}
         self._first_heard: dict[str, int] = {}
         self._fixes: list[Observation] = []
-        # the epoch that took each fix: asked again, it takes it again, and no other does
+        # the epoch that takes each fix, live and settled; no other epoch does
         self._taken_at: dict[Place, int] = {}
         self._seen: dict[Identity, int] = {}
 
@@ -193,7 +193,7 @@ class FederatedFusion:
         """Nothing to do: the filters' beliefs contain it."""
 
     def state_at(self, at_ns: int, shares: Mapping[str, float]) -> Fused | None:
-        """Equations (12)-(13) over the reporting units, then the fixes that are waiting."""
+        """Equations (12)-(13) over the reporting units, then the update by the waiting fixes."""
         last = {unit: b for unit, share in shares.items() if share > 0.0 and (b := self._last(unit, at_ns)) is not None}
         if self._feedback:
             fed = {unit: b for unit, b in last.items() if b.fed}
@@ -223,7 +223,7 @@ class FederatedFusion:
         return kernel.unpack(state)  # type: ignore[arg-type]
 
     def advance_to(self, now_ns: int) -> None:
-        """Forget beliefs and fixes that no epoch will ask for: of each unit, the last one before the horizon stays."""
+        """Drop beliefs and fixes that no epoch needs any more; each unit's last belief before the horizon stays."""
         boundary = now_ns - self._horizon_ns
         for kept in self._beliefs.values():
             place = bisect_right(kept, boundary, key=lambda b: b.at_ns) - 1

@@ -10,7 +10,7 @@ from .layout import N_COMMON, Array
 def check_share(share: float) -> None:
     """Raises ValueError for a share β outside (0, 1]."""
     if not 0.0 < share <= 1.0:
-        raise ValueError(f"a share must lie in (0, 1], not {share}")
+        raise ValueError(f"share must lie in (0, 1], not {share}")
 
 
 def replace_common(mean: Array, covariance: Array, common_mean: Array, common_covariance: Array) -> tuple[Array, Array]:

@@ -13,7 +13,7 @@ from .layout import Array, Layout
 
 @dataclass(slots=True)
 class Existence:
-    """How often the existence condition held and failed since the last time somebody asked."""
+    """How often the existence condition held and failed since the counts were read last."""
 
     held: int = 0
     failed: int = 0

@@ -1,4 +1,4 @@
-"""Readings judged where they stand in time: linearised at the belief there, by judges whose memory rewinds with it."""
+"""Readings are linearised and judged at their place in time, by judges whose memory rewinds with the belief."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ LinearRow = tuple[tuple[float, ...], float, float]
 
 
 class Verdict(NamedTuple):
-    """What a judge last said of a unit, and what it remembers.
+    """A judge's last verdict on a unit, and the judge's memory.
 
-    `heard_ns`, `counted_ns`: the times of the last reading, and of the last one that counted. `gating`: why no reading counts
-    for the time being. `refused`: why the last reading did not count. `memory` is the judge's own and immutable.
+    `heard_ns`, `counted_ns`: the times of the last reading, and of the last one that counted. `gating`: the reason for which
+    no reading counts at present. `refused`: the reason for which the last reading did not count. `memory` is immutable.
     """
 
     memory: Any
@@ -34,12 +34,12 @@ class Judge(Protocol):
         """The memory before the first reading."""
 
     def restart(self) -> Any:
-        """The memory of one that begins again on a train that runs."""
+        """The memory after a restart on a running train."""
 
     def judge(
         self, memory: Any, reading: Any, mean: Array, covariance: Array
     ) -> tuple[Sequence[LinearRow], Any, str | None, str | None]:
-        """The rows, the memory after the reading, why it is gating, why it refused the reading."""
+        """The rows, the memory after the reading, the reason for gating, and the reason for which the reading is refused."""
 
 
 class Judged(NamedTuple):
@@ -56,9 +56,9 @@ class Judged(NamedTuple):
 class JudgingKernel:
     """The two steps over a layout, and a third one that takes a whole reading.
 
-    A reading's rows and its judge's memory depend on the belief where the reading stands and on the readings before it, not on
-    what was known when it came. So the result is a function of the set of readings alone, in whatever order they came, and
-    it is the centralised filter's: each reading is linearised at what all readings before it say.
+    A reading's rows and its judge's memory depend on the belief at the reading's time and on the readings before it, not on
+    the order of arrival. So the result is a function of the set of readings alone, and it is the centralised filter's: each
+    reading is linearised at the belief from all readings before it.
     """
 
     def __init__(self, inner: Any, layout: Layout, judges: Mapping[str, Judge]) -> None:
@@ -67,11 +67,11 @@ class JudgingKernel:
         self._places = {unit: (np.array(places), np.ix_(places, places)) for unit, places in own.items()}
 
     def prior(self, mean: Array, covariance: Array) -> Judged:
-        """What is believed before the first observation: it waits for it."""
+        """The prior before the first observation."""
         return Judged(self._inner.pack(mean, covariance), {u: Verdict(j.start()) for u, j in self._judges.items()}, None)
 
     def pack(self, mean: Array, covariance: Array) -> Judged:
-        """A belief on a train that runs: what the judges remembered of it is lost."""
+        """A belief on a running train; the judges restart with an empty memory."""
         verdicts = {unit: Verdict(judge.restart()) for unit, judge in self._judges.items()}
         return Judged(self._inner.pack(mean, covariance), verdicts, 0)
 
@@ -81,7 +81,7 @@ class JudgingKernel:
         return mean, covariance
 
     def lists(self, state: Judged) -> tuple[list[float], list[list[float]]]:
-        """The same as lists, for messages."""
+        """The mean (n) and covariance (n, n) of a belief as lists, for messages."""
         mean, covariance = self._inner.lists(state.belief)
         return mean, covariance
 

@@ -13,7 +13,7 @@ from .observation import Observation
 
 
 def predict(x: Array, P: Array, F: Array, Q: Array) -> tuple[Array, Array]:
-    """Carry a belief forward: x ← F x, P ← F P Fᵀ + Q.
+    """Predict a belief forward: x ← F x, P ← F P Fᵀ + Q.
 
     x (n), P (n, n), F (n, n), Q (n, n). Source: A (3), (6).
     """
@@ -21,7 +21,7 @@ def predict(x: Array, P: Array, F: Array, Q: Array) -> tuple[Array, Array]:
 
 
 def update(x: Array, P: Array, h: Array, z: float, R: float) -> tuple[Array, Array]:
-    """Take one scalar observation z = h x + e, e ~ N(0, R), into a belief.
+    """Update a belief with one scalar observation z = h x + e, e ~ N(0, R).
 
     K = P h / (h P hᵀ + R); x ← x + K (z - h x); P ← (I - K h) P (I - K h)ᵀ + K R Kᵀ (Joseph's form, which stays
     symmetric and positive semi-definite under rounding), written as two rank-1 steps. Rejected: P - (M + Mᵀ) with
@@ -38,12 +38,12 @@ def update(x: Array, P: Array, h: Array, z: float, R: float) -> tuple[Array, Arr
     return x + K * (z - float(h @ x)), P_new
 
 
-# sensors on a grid repeat the same few intervals for ever; those that do not must not fill the memory
+# periodic sensors repeat a few intervals; aperiodic ones must not fill the memory
 KEPT_INTERVALS = 256
 
 
 class ArrayKernel:
-    """The two steps over a layout with private states, as the timeline needs them: opaque states in, opaque states out.
+    """The two steps over a layout with private states, on states that are opaque to the timeline.
 
     F and Q are kept by interval: making them costs three times as much as using them. A kernel is made with every feedback
     that brings another share, so making one costs next to nothing.
@@ -55,11 +55,11 @@ class ArrayKernel:
         self._steps: dict[float, tuple[Array, Array]] = {}
 
     def pack(self, mean: Array, covariance: Array) -> tuple[Array, Array]:
-        """A belief in the kernel's own form."""
+        """A belief in the kernel's form."""
         return np.array(mean, dtype=float), np.array(covariance, dtype=float)
 
     def prior(self, mean: Array, covariance: Array) -> tuple[Array, Array]:
-        """What is believed before the first observation."""
+        """The prior in the kernel's form."""
         return self.pack(mean, covariance)
 
     def shared(

@@ -1,4 +1,4 @@
-"""Which state stands where: the common states [s, v, a], then a block of private states for each unit."""
+"""The order of the states: the common states [s, v, a], then a block of private states for each unit."""
 
 from __future__ import annotations
 

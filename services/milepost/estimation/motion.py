@@ -28,7 +28,7 @@ def process_noise(dt_s: float, jerk_psd: float) -> Array:
 
 
 def _with_process_noise(matrix: Array, dt_s: float, jerk_psd: float) -> Array:
-    """A matrix with the common states' process noise in its first block; element by element, which is the fastest way."""
+    """Add the common states' process noise to the first block of a matrix, element by element, which is fastest."""
     t2 = dt_s * dt_s
     t3 = t2 * dt_s
     matrix[0, 0] = jerk_psd * (t2 * t3 / 20.0)

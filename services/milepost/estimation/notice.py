@@ -1,4 +1,4 @@
-"""What a filter or an observer of a sensor wants a person to read."""
+"""Notices of filters and observers, for people to read."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import Literal, NamedTuple
 
 
 class Notice(NamedTuple):
-    """Something that happened: the node makes an event of it."""
+    """A notice, which the node publishes as an event."""
 
     severity: Literal["info", "warning", "error"]
     code: str

@@ -1,15 +1,15 @@
-"""An observation: what it says, what makes it the same as another one, and where it stands in time."""
+"""An observation, its identity and its place in the timeline."""
 
 from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-# what is stamped further ahead of now is refused
+# an observation that is stamped further ahead of now is refused
 FUTURE_NS = 500_000_000
 
 
 class Identity(NamedTuple):
-    """What makes two observations the same one, whoever repeats it and under whatever instance."""
+    """The identity of an observation: observations with the same identity count once, whatever their instance."""
 
     unit: str
     measured_at_ns: int
@@ -17,7 +17,7 @@ class Identity(NamedTuple):
 
 
 class Place(NamedTuple):
-    """Where an observation stands in the order of the timeline: `order` is its unit's row in the train file."""
+    """The place of an observation in the timeline; `order` is its unit's row in the train file."""
 
     measured_at_ns: int
     order: int
@@ -27,7 +27,7 @@ class Place(NamedTuple):
 class Observation(NamedTuple):
     """One scalar observation z = h x + e, e ~ N(0, R): `row` is h over the timeline's states.
 
-    Or a whole `reading`, which the kernel turns into rows where it stands, from the belief there; `row` is then empty.
+    Or a whole `reading`, which the kernel turns into rows at the belief at its place; `row` is then empty.
     """
 
     measured_at_ns: int
@@ -43,12 +43,12 @@ class Observation(NamedTuple):
 
     @property
     def identity(self) -> Identity:
-        """What makes it the same as another one."""
+        """The unit, time and component, by which repetitions are found."""
         return Identity(self.unit, self.measured_at_ns, self.component)
 
     @property
     def place(self) -> Place:
-        """Where it stands."""
+        """The time, order and component, by which the timeline is sorted."""
         return Place(self.measured_at_ns, self.order, self.component)
 
 
@@ -60,5 +60,5 @@ def untimely(at_ns: int, boundary_ns: int, now_ns: int) -> str | None:
 
 
 def rank(o: Observation) -> tuple[Any, ...]:
-    """Decides between observations of the same moment, so that the order of arrival does not."""
+    """The sort key among observations with the same identity: the least one counts, whatever the order of arrival."""
     return (o.instance, o.sequence, o.row, o.value, o.variance, repr(o.reading))

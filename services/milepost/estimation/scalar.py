@@ -1,7 +1,7 @@
-"""The same two steps for the common states alone, unrolled: the hot path of nearly every timeline.
+"""The Kalman filter's two steps for the common states alone, unrolled: the hot path of nearly every timeline.
 
-A belief is the tuple (s, v, a, P00, P01, P02, P11, P12, P22). Tested against `kalman` to rounding; some twenty times
-faster than it, because numpy's cost per call dwarfs nine numbers.
+A belief is the tuple (s, v, a, P00, P01, P02, P11, P12, P22). It agrees with `kalman` to rounding and is some twenty times
+faster, because for nine numbers most of numpy's time is the cost of its calls.
 """
 
 from __future__ import annotations
@@ -24,16 +24,16 @@ class ScalarKernel:
     jerk_psd: float
 
     def pack(self, mean: Array, covariance: Array) -> Scalars:
-        """A belief in the kernel's own form."""
+        """A belief in the kernel's form."""
         m, p = np.asarray(mean, dtype=float).tolist(), np.asarray(covariance, dtype=float).tolist()
         return (m[0], m[1], m[2], p[0][0], p[0][1], p[0][2], p[1][1], p[1][2], p[2][2])
 
     def prior(self, mean: Array, covariance: Array) -> Scalars:
-        """What is believed before the first observation."""
+        """The prior in the kernel's form."""
         return self.pack(mean, covariance)
 
     def shared(self, mean: Sequence[float] | Array, covariance: Sequence[Sequence[float]] | Array, share: float) -> Scalars:
-        """A belief with its covariance divided by the share β; from lists as they stand in messages, or arrays."""
+        """A belief with its covariance divided by the share β; from lists, as in messages, or arrays."""
         (p00, p01, p02), (_, p11, p12), (_, _, p22) = covariance
         s, v, a = mean
         return (s, v, a, p00 / share, p01 / share, p02 / share, p11 / share, p12 / share, p22 / share)

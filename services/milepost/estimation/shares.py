@@ -1,4 +1,4 @@
-"""THE TABLE OF SHARES: how the information-sharing factors β are chosen. Whatever is chosen, Σβ = 1 over who reports."""
+"""THE TABLE OF SHARES: how the information-sharing factors β are chosen. Always Σβ = 1 over the reporting units."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from .federated import share_out
 
 
 class Shares(Protocol):
-    """β of the reporting units at a speed (m/s); `information` says how much each brought lately, without a unit.
+    """β of the reporting units at a speed (m/s); `information` J of each unit's recent observations has no unit.
 
-    `by_information`: whether it looks at that; counting it costs something with every observation. `follows_state`: whether
-    it looks at either, so that β has to be chosen again once the state is known.
+    `by_information`: β depends on J, which costs time with every observation. `follows_state`: β depends on speed or J, and
+    is computed again once the state is known.
     """
 
     by_information: ClassVar[bool]
@@ -52,22 +52,22 @@ class SharesBySpeed:
     rows: tuple[SpeedRow, ...]
 
     def at(self, reporting: Sequence[str], speed_mps: float, information: Mapping[str, float]) -> dict[str, float]:  # noqa: ARG002
-        """The row of the speed's range, whichever way the train goes."""
+        """The row of the speed's range, in either direction of travel."""
         row = next((r for r in self.rows if abs(speed_mps) < r.below_mps), self.rows[-1])
         return share_out(row.shares, reporting)
 
 
 @dataclass(frozen=True)
 class SharesByAccuracy:
-    """β in proportion to the information that each unit brought lately, J_i = Σ h P hᵀ/R over its observations.
+    """β in proportion to the information of each unit's recent observations, J_i = Σ h P hᵀ/R.
 
-    h P hᵀ/R compares what an observation knows with what is known anyway, so that metres and metres a second add up; P is
-    the fused covariance. Source: B, "by their accuracy at the present speed".
+    h P hᵀ/R is the predicted variance over the reading's own, so that positions and speeds can be added; P is the fused
+    covariance. Source: B, "by their accuracy at the present speed".
     """
 
     by_information: ClassVar[bool] = True
     follows_state: ClassVar[bool] = True
 
     def at(self, reporting: Sequence[str], speed_mps: float, information: Mapping[str, float]) -> dict[str, float]:  # noqa: ARG002
-        """The proportions of what was brought."""
+        """The shares in proportion to J."""
         return share_out(information, reporting)

@@ -1,4 +1,4 @@
-"""Nanoseconds, in which stamps are counted, and seconds, in which equations are written."""
+"""Factors between nanoseconds, the unit of stamps, and seconds, the unit of equations."""
 
 from __future__ import annotations
 

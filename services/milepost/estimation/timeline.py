@@ -1,8 +1,8 @@
-"""Observations in the order in which they were true, whatever the order in which they came.
+"""A timeline of observations, in the order of the times at which they were true.
 
-Every observation is a knot; the belief after each knot is kept as a checkpoint. What arrives late is put where it
-belongs, and what follows is computed again when somebody asks. Because only observations are knots, the result is a
-function of the set of observations alone: the same bits for any order of arrival.
+Every observation is a knot; the belief after each knot is kept as a checkpoint. A late observation is inserted at its
+place, and the beliefs after it are computed again when they are needed. Because only observations are knots, the result
+is a function of the set of observations alone: the same bits for any order of arrival.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ FORGET_AT_LEAST = 2048
 
 
 class Kernel(Protocol):
-    """The mathematics that a timeline runs: states are opaque to it."""
+    """The two steps that a timeline runs; it knows nothing about the states."""
 
     def advance(self, state: Any, dt_s: float) -> Any: ...
     def take(self, state: Any, observation: Observation) -> Any: ...
@@ -29,7 +29,7 @@ class Kernel(Protocol):
 
 @dataclass(slots=True)
 class Counters:
-    """What the timeline did with what it was given; `refused` by reason."""
+    """The numbers of accepted, rewound, replayed and, by reason, refused observations."""
 
     accepted: int = 0
     rewinds: int = 0
@@ -42,7 +42,7 @@ class Timeline:
 
     `prior` is the kernel's state before the earliest observation, and moves back if an earlier one arrives; after
     `rebase` the base is fixed at a time instead. The settled boundary is `now` - `horizon_ns`, `now` being the largest
-    that was ever given: what is older is refused, what is before it can never change again.
+    time so far: older observations are refused, and states before it can no longer change.
     """
 
     def __init__(self, kernel: Kernel, prior: Any, horizon_ns: int) -> None:
@@ -62,17 +62,17 @@ class Timeline:
 
     @property
     def base_ns(self) -> int | None:
-        """The time that the base is fixed at; None while the prior still moves with the earliest observation."""
+        """The time at which the base is fixed; None while the prior still moves with the earliest observation."""
         return self._base_ns
 
     @property
     def boundary_ns(self) -> int:
-        """Everything before this time is settled."""
+        """The settled boundary: states before this time no longer change."""
         return self._boundary_ns
 
     @property
     def earliest_ns(self) -> int | None:
-        """The time of the base: the earliest observation, or where it was rebased to."""
+        """The time of the earliest observation, or of the base where it is fixed."""
         if self._base_ns is not None:
             return self._base_ns
         return self._keys[0][0] if self._keys else None
@@ -83,9 +83,9 @@ class Timeline:
         return self._keys[-1][0] if self._keys else self._base_ns
 
     def insert(self, observation: Observation, now_ns: int) -> str | None:
-        """Put an observation where it belongs. Returns the reason if it is refused, `absorbed` if the base covers its time.
+        """Insert an observation at its place. Returns the reason if it is refused, `absorbed` if the base covers its time.
 
-        Of several that claim to be the same one, the least by instance, sequence and content stays, whichever came first.
+        Of several with the same identity the least by instance, sequence and content stays, whichever came first.
         """
         at = observation.measured_at_ns
         self._move_boundary(now_ns)
@@ -104,7 +104,7 @@ class Timeline:
         return None
 
     def untimely(self, at_ns: int, now_ns: int) -> str | None:
-        """The reason for which something of this time would be refused."""
+        """The reason for which an observation of this time would be refused; None if it would not."""
         return untimely(at_ns, max(self._boundary_ns, now_ns - self.horizon_ns), now_ns)
 
     def _place(self, observation: Observation) -> None:
@@ -127,9 +127,9 @@ class Timeline:
             self._valid = min(self._valid, place)
 
     def withdraw(self, unit: str, since_ns: int) -> list[Observation]:
-        """Take a unit's observations from `since_ns` on out, as if they had never come. Returns them.
+        """Remove a unit's observations from `since_ns` on, as if they had never come. Returns them.
 
-        What is in the base already, older than the horizon, stays in it.
+        Observations that are folded into the base, older than the horizon, stay in it.
         """
         out = [knot for knot in self._knots if knot.unit == unit and knot.measured_at_ns >= since_ns]
         if out:
@@ -140,13 +140,13 @@ class Timeline:
         return out
 
     def restore(self, observations: Iterable[Observation]) -> None:
-        """Put withdrawn observations back, as if they had never gone. What the base has passed meanwhile stays out."""
+        """Insert withdrawn observations again, as if they had not been removed; those before the base stay out."""
         for observation in observations:
             if self._base_ns is None or observation.measured_at_ns > self._base_ns:
                 self._place(observation)
 
     def rebase(self, at_ns: int, state: Any) -> None:
-        """Make `state` the belief at `at_ns`: what was observed until then is in it, what came later is replayed on it."""
+        """Make `state` the belief at `at_ns`: it contains all observations until then; later ones are replayed on it."""
         place = bisect_right(self._keys, at_ns, key=lambda key: key[0])
         self._drop(place)
         self._base, self._base_ns, self._rebased = state, at_ns, True
@@ -185,7 +185,7 @@ class Timeline:
         self._valid = until
 
     def advance_to(self, now_ns: int) -> None:
-        """Let time pass: move the settled boundary and fold settled observations into the base."""
+        """Advance the time to `now_ns`: move the settled boundary and fold settled observations into the base."""
         self._move_boundary(now_ns)
         if len(self._seen) >= self._forget_at:
             self._forget()

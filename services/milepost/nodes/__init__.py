@@ -1,1 +1,1 @@
-"""One file for each kind of process. A node turns messages into messages; time comes in as an argument."""
+"""One file for each kind of process. A node turns messages into messages and takes the time as an argument."""

@@ -1,4 +1,4 @@
-"""The balise service: telegrams in, absolute fixes out, through the line's balise table."""
+"""The balise service: it turns telegrams into absolute fixes with the line's balise table."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from .base import Node, Output, Subscription
 
 
 class BaliseNode(Node):
-    """Looks each telegram's identity up and stamps the fix with the time of passage."""
+    """Looks up each telegram's balise and publishes a fix that is stamped with the time of passage."""
 
     def __init__(self, train: str, instance: str, readers: Sequence[str], line: Line) -> None:
         super().__init__(train, "balise", instance)
@@ -19,7 +19,7 @@ class BaliseNode(Node):
         self._balises = {balise.balise_id: balise for balise in line.balises}
 
     def step(self, message: Message, now_ns: int) -> Iterable[Output]:
-        """A telegram becomes a fix; one that the line does not know becomes an event."""
+        """A fix for a telegram; an event where the balise is not in the line's table."""
         if not isinstance(message, BaliseTelegram):
             return
         balise = self._balises.get(message.balise_id)

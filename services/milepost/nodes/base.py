@@ -1,4 +1,4 @@
-"""What every node offers to whoever runs it: on Zenoh, on the memory bus, in a test."""
+"""The interface of a node, as Zenoh, the memory bus and the tests use it."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ class Output(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Subscription:
-    """A stream that a node wants, of one unit ('*' for any).
+    """A stream that a node receives, of one unit ('*' for any).
 
-    `newest_only`: only the newest message matters, and not before the next message of another stream.
+    `newest_only`: only the newest message is delivered, together with the next message of another stream.
     """
 
     stream: str
@@ -33,22 +33,22 @@ class Subscription:
 
 @dataclass(slots=True)
 class Refusals:
-    """Messages that do not count, by reason; the first of each reason is worth an event."""
+    """The number of refused messages by reason; the first of each reason becomes an event."""
 
     counts: dict[str, int] = field(default_factory=dict)
 
     def add(self, reason: str) -> bool:
-        """Count one; returns whether it is the first of its kind."""
+        """Count one refusal; returns whether it is the first for this reason."""
         before = self.counts.get(reason, 0)
         self.counts[reason] = before + 1
         return before == 0
 
 
 class Node:
-    """step(message) -> messages. No Zenoh and no wall clock: `now_ns` is the time of receipt, or of the tick."""
+    """A process: step(message) -> messages, without Zenoh or a wall clock: `now_ns` is the time of receipt or of the tick."""
 
     subscriptions: Sequence[Subscription] = ()
-    # whether it can say, and after a restart wants to be told, what the last feedback was
+    # whether it answers `latest_feedback`, and asks for it after a restart
     remembers = False
 
     def __init__(self, train: str, unit: str, instance: str) -> None:
@@ -61,7 +61,7 @@ class Node:
 
     @property
     def rewinds(self) -> int:
-        """How often something late was put in its place."""
+        """How often a late message caused a rewind."""
         return 0
 
     def step(self, message: Message, now_ns: int) -> Iterable[Output]:  # noqa: ARG002
@@ -73,22 +73,22 @@ class Node:
         return ()
 
     def next_tick_ns(self) -> int | None:
-        """When `tick` wants to be called next; None: never."""
+        """The time at which `tick` must be called next; None: never."""
         return None
 
     def unit_alive(self, unit: str, alive: bool) -> None:
-        """A process's liveliness token appeared or went."""
+        """Note that a process's liveliness token appeared or was dropped."""
 
     def answer(self, procedure: str) -> Message | None:  # noqa: ARG002
-        """The answer to a procedure call; None where there is none (yet)."""
+        """The answer to a procedure call; None where there is none yet."""
         return None
 
     def catch_up(self, feedback: Feedback, now_ns: int) -> bool:  # noqa: ARG002
-        """Take what a running process remembers, after a restart. Returns whether it was of use."""
+        """After a restart, continue from the feedback that a running process still has. Returns whether it was used."""
         return False
 
     def continue_numbering(self, earlier: Node) -> None:
-        """Number messages on from a node of the same instance that this one replaces: no number may come twice."""
+        """Continue the sequence numbers of the node that this one replaces: an instance may not use a number twice."""
         self._sequences = dict(earlier._sequences)
 
     def head(self, stream: str, measured_at_ns: int, now_ns: int) -> dict[str, Any]:
@@ -105,14 +105,14 @@ class Node:
         }
 
     def event(self, severity: Severity, code: str, text: str, now_ns: int) -> Output:
-        """An event of this node's."""
+        """An event of this node."""
         return Output("event", "", Event(**self.head("event", now_ns, now_ns), severity=severity, code=code, text=text))
 
     def refuse(self, reason: str, text: str, now_ns: int) -> Iterable[Output]:
-        """Count a message that does not count, and say so the first time."""
+        """Count a refused message; the first one for a reason is an event."""
         if self.refusals.add(reason):
             yield self.event("warning", f"refused_{reason}", text, now_ns)
 
     def refuse_reading(self, unit: str, sequence: int, instance: str, reason: str, now_ns: int) -> Iterable[Output]:
-        """The same for a reading, by whose sensor and number a person finds it."""
+        """Count a refused reading; the event names its unit, instance and sequence number."""
         return self.refuse(reason, f"{unit}: reading {sequence} of {instance}: {reason}", now_ns)

@@ -1,4 +1,4 @@
-"""A node whose messages pass a fault before anybody hears them."""
+"""A node whose messages are delayed or lost on a faulty link."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from .base import Node, Output
 
 
 class FaultyNode(Node):
-    """`inner` behind a link on which `fault` happens; scenario time 0 is at `start_ns`."""
+    """The node `inner` behind a link with `fault`; scenario time 0 is at `start_ns`."""
 
     def __init__(self, inner: Node, fault: Fault, start_ns: int) -> None:
         super().__init__(inner.train, inner.unit, inner.instance)
@@ -20,18 +20,18 @@ class FaultyNode(Node):
         self._link = Link(fault, start_ns)
 
     def step(self, message: Message, now_ns: int) -> Iterable[Output]:
-        """The inner node's step."""
+        """The inner node's messages that the link delivers now."""
         return self._pass(self.inner.step(message, now_ns), now_ns)
 
     def tick(self, now_ns: int) -> Iterable[Output]:
-        """What was delayed until now, and the inner node's tick where it is due."""
+        """The delayed messages that are due, then those of the inner node's tick if that is due."""
         due_ns = self.inner.next_tick_ns()
         sent = self.inner.tick(now_ns) if due_ns is not None and due_ns <= now_ns else ()
         late = self._link.due(now_ns)
         return [*late, *self._pass(sent, now_ns)]
 
     def next_tick_ns(self) -> int | None:
-        """The earlier of what is held and what the inner node wants."""
+        """The earlier of the next delayed message and the inner node's next tick."""
         return min((at for at in (self._link.next_ns(), self.inner.next_tick_ns()) if at is not None), default=None)
 
     def _pass(self, outputs: Iterable[Output], now_ns: int) -> list[Output]:

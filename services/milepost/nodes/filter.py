@@ -1,4 +1,4 @@
-"""A local filter's process: readings in, belief and observations out, feedback taken at its epoch."""
+"""A local filter's process: it turns readings into estimates and takes feedback at its epoch."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from milepost_schemas import Estimate, Feedback, Message
 from .base import Node, Output, Subscription
 from .observations import RESTORED_COMPONENT, as_fields, as_judged, of_reading
 
-# dividing by less would only make numbers that overflow
+# dividing a covariance by a smaller share overflows
 LEAST_SHARE = 1e-6
-# a message may be sound by itself and yet be nothing to reckon with: no train is there, and the process must outlive it
+# a valid message may still hold values that the arithmetic cannot use; the process must survive it
 FARTHEST_MEAN, LARGEST_VARIANCE = 1e9, 1e15
 FORGET_AT_LEAST = 2048
 KEPT_READINGS = 64
@@ -38,14 +38,14 @@ class FilterNode(Node):
         super().__init__(train, sensor.unit, instance)
         self.subscriptions = [Subscription(sensor.stream, sensor.unit)]
         if feedback:
-            # feedback changes nothing until a reading comes, so it need not wake the process
+            # feedback has no effect before the next reading, so it need not wake the process
             self.subscriptions.append(Subscription("feedback", newest_only=True))
         self._sensor = sensor
         self._observer = sensor.observer()
         self._restored: tuple[Observed, ...] = ()
         self._needs_belief = sensor.needs_belief
-        # rows that depend on more than the reading can be made anew by the fuser, from what the sensor stated
-        self._states_readings = sensor.needs_belief or self._observer is not sensor
+        # where a row depends on more than the reading, the fuser makes it again from the reading
+        self._sends_readings = sensor.needs_belief or self._observer is not sensor
         self._unsent: deque[dict[str, Any]] = deque(maxlen=KEPT_READINGS)
         self._moments: set[int] = set()
         self._forget_at = FORGET_AT_LEAST
@@ -71,25 +71,26 @@ class FilterNode(Node):
         return self._take_reading(message, now_ns)
 
     def answer(self, procedure: str) -> Message | None:
-        """`latest_feedback`: what a restarted fuser continues from."""
+        """`latest_feedback`: the feedback that a restarted fuser continues from."""
         return self._feedback if procedure == "latest_feedback" else None
 
     def snapshot(self) -> bytes | None:
-        """What this filter would begin with if everything were started again; None where there is nothing to keep."""
+        """The calibration to store for the next cold start; None where the sensor has none."""
         belief = self._estimator.belief_at(self._latest_ns) if self._latest_ns else None
         return None if belief is None else self._sensor.snapshot(Belief(*belief), self._latest_ns)
 
     def restore(self, kept: bytes, now_ns: int) -> Iterable[Output]:
-        """Begin with what was kept. Only on a cold start: what the fused state knows already must not count twice."""
+        """Use a stored calibration. Only on a cold start: the fused state contains it already, and it must not count twice."""
         try:
             self._restored = (self._sensor.restore(kept, now_ns),)
         except ValueError as error:
-            yield self.event("warning", "calibration_unusable", f"{self.unit}: {error}; the prior stands", now_ns)
+            text = f"{self.unit}: the stored calibration is not used: {error}"
+            yield self.event("warning", "calibration_unusable", text, now_ns)
         else:
-            yield self.event("info", "calibration_restored", f"{self.unit}: begins with the calibration it kept", now_ns)
+            yield self.event("info", "calibration_restored", f"{self.unit}: the stored calibration is used", now_ns)
 
     def catch_up(self, feedback: Feedback, now_ns: int) -> bool:
-        """Begin with the fused state and the train file's share, instead of the train file's prior."""
+        """Begin with the fused state and the train file's share instead of the train file's prior."""
         self._observer.restarted()
         for _ in self._take_feedback(feedback, self._estimator.share, now_ns):
             return False
@@ -100,7 +101,7 @@ class FilterNode(Node):
         estimator.advance_to(now_ns)
         reason = estimator.timeline.untimely(reading.measured_at_ns, now_ns)
         if reason is None and reading.measured_at_ns in self._moments:
-            # before the observer sees it: what is repeated teaches nothing
+            # refused here, before the observer sees it: an observer must not learn from a repeated reading
             reason = "duplicate"
         if reason is not None:
             yield from self.refuse_reading(self.unit, reading.sequence, reading.instance, reason, now_ns)
@@ -109,7 +110,7 @@ class FilterNode(Node):
         try:
             estimate, refused = self._estimated(reading, now_ns)
         except UNUSABLE:
-            # consumers must not take this for a lost message
+            # nothing was sent, so its number is used again: consumers must not see a gap
             self._sequences["estimate"] = sent
             estimate, refused = None, ["unusable"]
         for notice in (*self._observer.notices(), *self._filter.notices()):
@@ -120,10 +121,10 @@ class FilterNode(Node):
             yield Output("estimate", self.unit, estimate)
 
     def _estimated(self, reading: Message, now_ns: int) -> tuple[Estimate | None, list[str]]:
-        """What there is to say after a reading, and why some of its observations do not count. Raises UNUSABLE."""
+        """The estimate after a reading, and the reasons for which observations of it are refused. Raises UNUSABLE."""
         belief = self._estimator.belief_at(reading.measured_at_ns) if self._needs_belief else None
         observed = self._observer.observe(reading, None if belief is None else Belief(*belief))
-        self._remember(reading.measured_at_ns)
+        self._note_moment(reading.measured_at_ns)
         offered = of_reading(reading, self._order, observed)
         offered += of_reading(reading, self._order, self._restored, RESTORED_COMPONENT)
         self._restored = ()
@@ -132,13 +133,13 @@ class FilterNode(Node):
             return None, refused
         self._latest_ns = max(self._latest_ns, reading.measured_at_ns)
         state = self._estimator.lists_at(self._latest_ns)
-        if self._states_readings:
+        if self._sends_readings:
             observer = self._observer
             self._unsent.append(as_judged(reading, len(observed), observer.refused, observer.gating is not None))
-        # what is refused before anything is believed waits for the first belief
+        # without a belief there is no estimate yet: a refused reading is sent with the first one
         return None if state is None else self._estimate(counted, *state, now_ns), refused
 
-    def _remember(self, moment_ns: int) -> None:
+    def _note_moment(self, moment_ns: int) -> None:
         self._moments.add(moment_ns)
         if len(self._moments) > self._forget_at:
             boundary_ns = self._estimator.timeline.boundary_ns
@@ -154,7 +155,7 @@ class FilterNode(Node):
     ) -> Estimate:
         readings = list(self._unsent)
         self._unsent.clear()
-        # validated in one go from plain lists: half the cost of building each part by itself
+        # one validation from plain lists costs half as much as building each part by itself
         return Estimate.model_validate(
             {
                 **self.head("estimate", self._latest_ns, now_ns),
@@ -173,14 +174,14 @@ class FilterNode(Node):
         if self._feedback is not None and epoch <= self._feedback.measured_at_ns:
             self.refusals.add("duplicate" if epoch == self._feedback.measured_at_ns else "superseded")
             return
-        # a unit that does not count gets no feedback; but one that has never had any must begin somewhere, and one that
-        # holds its readings back must know when they are right again
+        # An excluded unit has share 0 and takes no feedback, with two exceptions: the first feedback, to begin from, and
+        # feedback to an observer that is gating, which must see when its readings agree with the fused state again.
         if share <= 0.0 and (self._feedback is None or self._observer.gating):
             share = self._estimator.share
         if share < LEAST_SHARE:
             return
         states = feedback.fused.states
-        # a rule that does not fuse private states sends the common ones alone
+        # a rule that does not fuse private states sends only the common ones
         names = self._names if len(states) > N_COMMON else self._names[:N_COMMON]
         if self._layout_told != states:
             self._layout_told, self._places = states, [states.index(name) for name in names if name in states]
@@ -194,7 +195,7 @@ class FilterNode(Node):
         variances = [row[i] for i, row in enumerate(covariance)]
         try:
             if max(map(abs, mean)) > FARTHEST_MEAN or max(variances) > LARGEST_VARIANCE or min(variances[:N_COMMON]) <= 0.0:
-                raise ArithmeticError("out of all bounds")
+                raise ArithmeticError("mean or variance out of range")
             accepted = self._estimator.accept_feedback(epoch, mean, covariance, share)
         except UNUSABLE as error:
             yield from self.refuse("unusable", f"feedback of epoch {epoch}: {error}", now_ns)

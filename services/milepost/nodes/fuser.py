@@ -1,4 +1,4 @@
-"""The fuser's process: observations and fixes in, one state an epoch out, feedback to the filters."""
+"""The fuser's process: it turns estimates and fixes into one state per epoch, and sends feedback to the filters."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from .observations import of_estimate, of_fix, whole_readings
 from .roster import UNKNOWN, Presence, Roster
 from .state_writer import StateWriter
 
-# an epoch further back than this is not worth sending live
+# live epochs older than this are skipped
 BACKLOG_NS = 1_000_000_000
-# how long the first epoch is held back for units that have not been heard yet
+# how long the first epoch waits for units without any reading
 HOLD_NS = 1_000_000_000
 
 
 class FuserNode(Node):
-    """Epochs lie on the grid t_k = k · period; see `roster` for what an epoch waits for."""
+    """Fuses at epochs on the grid t_k = k · period; `roster` says which units an epoch waits for."""
 
     remembers = True
 
@@ -45,22 +45,22 @@ class FuserNode(Node):
         self._epoch_ns: int | None = None
         self._settled_ns: int | None = None
         self._resumed_ns = 0
-        # the shares of an epoch go by the state of the one before it where the rule needs them for its state
+        # where the rule needs the shares for its state, they follow from the state of the epoch before
         self._prior_mps = float(settings.prior.mean[1])
         self._fused_before: Fused | None = None
         self._settled_before: Fused | None = None
 
     @property
     def rewinds(self) -> int:
-        """How often something late was put in its place."""
+        """How often a late observation caused a rewind."""
         return self._rule.counters.rewinds
 
     def answer(self, procedure: str) -> Message | None:
-        """`latest_feedback`: what a restarted filter begins with."""
+        """`latest_feedback`: the feedback that a restarted filter begins with."""
         return self._feedback if procedure == "latest_feedback" else None
 
     def catch_up(self, feedback: Feedback, now_ns: int) -> bool:
-        """Continue from what a former fuser said last, however old: carried to now it is honest, the prior is not."""
+        """Continue from a former fuser's last state, however old: its covariance grows with its age, the prior's does not."""
         if feedback.fused.states != self._rule.names or feedback.measured_at_ns > now_ns + FUTURE_NS:
             return False
         mean, covariance = np.array(feedback.fused.mean), np.array(feedback.fused.covariance)
@@ -71,11 +71,11 @@ class FuserNode(Node):
         return True
 
     def unit_alive(self, unit: str, alive: bool) -> None:
-        """A token appeared or went."""
+        """Note that a process's liveliness token appeared or was dropped."""
         self._roster.process_alive(unit, alive)
 
     def step(self, message: Message, now_ns: int) -> Iterable[Output]:
-        """An estimate, or a fix; then the epochs that are ready."""
+        """Take an estimate or a fix, then publish the epochs that are ready."""
         if isinstance(message, Estimate):
             yield from self._take_estimate(message, now_ns)
         elif isinstance(message, AbsoluteFix):
@@ -83,7 +83,7 @@ class FuserNode(Node):
         yield from self._epochs(now_ns)
 
     def tick(self, now_ns: int) -> Iterable[Output]:
-        """The epochs that are ready by time alone."""
+        """Publish the epochs whose time or deadline has come."""
         self._rule.advance_to(now_ns)
         self._roster.forget(now_ns - self._settings.horizon_ns)
         yield from self._epochs(now_ns)
@@ -92,7 +92,7 @@ class FuserNode(Node):
         """The next epoch, or the deadline of one that is waiting."""
         if self._epoch_ns is None:
             return None
-        missing = self._roster.worth_waiting(self._roster.missing(self._epoch_ns))
+        missing = self._roster.awaited(self._roster.missing(self._epoch_ns))
         return self._epoch_ns + self._settings.deadline_ns if missing else self._epoch_ns
 
     def _take_estimate(self, estimate: Estimate, now_ns: int) -> Iterable[Output]:
@@ -100,8 +100,8 @@ class FuserNode(Node):
         if order is None:
             yield from self.refuse("unknown_unit", f"{estimate.unit} is not in the train file", now_ns)
             return
-        judge, said = self._settings.judges.get(estimate.unit), estimate.belief
-        belief = LocalBelief(estimate.measured_at_ns, said.mean, said.covariance, estimate.feedback_epoch_ns is not None)
+        judge, stated = self._settings.judges.get(estimate.unit), estimate.belief
+        belief = LocalBelief(estimate.measured_at_ns, stated.mean, stated.covariance, estimate.feedback_epoch_ns is not None)
         rows = of_estimate(estimate, order)
         try:
             observations = rows if judge is None else whole_readings(estimate, order, judge.message)
@@ -126,7 +126,7 @@ class FuserNode(Node):
         self._note_judgements(estimate, [row for row in rows if row.measured_at_ns in taken], taken)
 
     def _note_judgements(self, estimate: Estimate, rows: list[Observation], taken: set[int]) -> None:
-        """What the filter lets count: shares go by it, and so does the presence of units that the fuser does not judge."""
+        """Note the filter's judgements: shares use them, and so does the presence of units that the fuser does not judge."""
         unit, judged = estimate.unit, {r.measured_at_ns for r in estimate.readings}
         for reading in estimate.readings:
             if reading.measured_at_ns in taken and reading.counts:
@@ -161,8 +161,10 @@ class FuserNode(Node):
             self._epoch_ns = self._grid(max(self._earliest_ns, now_ns - self._settings.period_ns))
 
     def _may_begin(self, now_ns: int) -> bool:
-        """Once every unit was heard, or a second after the first: the prior sits at the earliest observation, and a
-        state sent before that one has come would have the train where it was a moment later."""
+        """Whether every unit has been heard, or a second has passed since the first.
+
+        The prior sits at the earliest observation: a state that is sent before this observation has come would be wrong.
+        """
         self._first_heard_ns = self._first_heard_ns or now_ns
         return self._roster.all_heard() or now_ns - self._first_heard_ns >= HOLD_NS
 
@@ -175,10 +177,10 @@ class FuserNode(Node):
         if self._epoch_ns is not None and now_ns - self._epoch_ns > BACKLOG_NS:
             skipped = (now_ns - self._epoch_ns) // self._settings.period_ns
             self._epoch_ns = self._grid(now_ns)
-            yield self.event("warning", "epochs_skipped", f"{skipped} epochs were too far back to be sent", now_ns)
+            yield self.event("warning", "epochs_skipped", f"{skipped} epochs were too old and were not sent", now_ns)
         while self._epoch_ns is not None and self._epoch_ns <= now_ns:
             missing = self._roster.missing(self._epoch_ns)
-            waiting = self._roster.worth_waiting(missing)
+            waiting = self._roster.awaited(missing)
             if waiting and now_ns < self._epoch_ns + deadline:
                 return
             for unit in waiting:
@@ -187,7 +189,7 @@ class FuserNode(Node):
             self._epoch_ns += self._settings.period_ns
 
     def _fuse(self, epoch_ns: int, live: bool, before: Fused | None) -> tuple[Fused, Presence] | None:
-        """The fused state of an epoch and who is in it; None before anything counted. `before`: the last epoch's state."""
+        """An epoch's fused state and its units; None before the first observation. `before`: the state of the epoch before."""
         roster, presence = self._roster, None
         if self._rule.needs_shares:
             speed_mps, variances = (before.speed_mps, before.variances) if before else (self._prior_mps, UNKNOWN)
@@ -217,8 +219,8 @@ class FuserNode(Node):
     def settled_states(self, now_ns: int | None) -> Iterator[FusedState]:
         """The states of the epochs that no message can change any more; with None, of all that are left.
 
-        To be asked before a step at `now_ns`: the step may fold what these epochs need. The sequence is the epoch's
-        number and the times are the epoch's, so that equal observations give equal messages.
+        Call it before the step at `now_ns`: the step may fold observations that these epochs need. The sequence is the
+        epoch's number and the times are the epoch's, so that equal observations give equal messages.
         """
         if self._earliest_ns is None:
             return

@@ -1,4 +1,4 @@
-"""What a train file says of fusion, as the fuser's node takes it."""
+"""The settings of the fuser's node, from a train file."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from .roster import UnitRow
 
 @dataclass(frozen=True)
 class FuserSettings:
-    """What a train file says of fusion; `sigmas` and `lost_above_m` as in `state_writer`.
+    """The settings of fusion in a train file; `sigmas` and `lost_above_m` as in `state_writer`.
 
     `judges`: the units whose readings are linearised and judged here instead of in their filters.
     """

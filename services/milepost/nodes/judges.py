@@ -1,4 +1,4 @@
-"""Sensors' observers as judges of the fuser's timeline: what they remember is handed in and out with each reading."""
+"""Sensors' observers as judges in the fuser's timeline: their memory is an argument and a result of each call."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from milepost.estimation.layout import Array
 from milepost.sensors.base import Belief, Observer
 from milepost_schemas import Message
 
-# a message may be sound by itself and yet be nothing to reckon with
+# a valid message may still hold values that the arithmetic cannot use
 UNUSABLE = (ArithmeticError, np.linalg.LinAlgError, ValueError)
 LEAST_VARIANCE, LARGEST_VARIANCE = 1e-12, 1e15
 
@@ -31,7 +31,7 @@ class UnitJudge:
         return self._start
 
     def restart(self) -> Any:
-        """The memory of one that begins again on a train that runs."""
+        """The memory after a restart on a running train."""
         self._observer.memory = self._start
         self._observer.restarted()
         return self._observer.memory
@@ -39,7 +39,7 @@ class UnitJudge:
     def judge(
         self, memory: Any, reading: Any, mean: Array, covariance: Array
     ) -> tuple[Sequence[LinearRow], Any, str | None, str | None]:
-        """The rows of a reading, the memory after it, why it is gating, why it refused the reading."""
+        """A reading's rows, the memory after it, the reason for gating, and the reason for which the reading is refused."""
         observer = self._observer
         observer.memory = memory
         try:
@@ -47,7 +47,7 @@ class UnitJudge:
         except UNUSABLE:
             return (), memory, None, "unusable"
         finally:
-            observer.notices()  # the filter's own observer tells people
+            observer.notices()  # discarded: the observer in the filter's process reports them
         if not all(math.isfinite(value) and LEAST_VARIANCE <= R <= LARGEST_VARIANCE for _, value, R in rows):
             return (), memory, None, "unusable"
         return rows, observer.memory, observer.gating, observer.refused

@@ -1,4 +1,4 @@
-"""Messages as observations, with the identity and the place that every timeline agrees on."""
+"""Messages as observations, with the same identity and place in every timeline."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from milepost_schemas import AbsoluteFix, Estimate, Message, from_fields
 POSITION = (1.0, 0.0, 0.0)
 
 
-# a restored calibration is sent with a reading, but is none of its rows
+# the component of a restored calibration, which is sent with a reading but is none of its rows
 RESTORED_COMPONENT = 100
 HEAD = frozenset(Message.model_fields)
 
@@ -24,7 +24,7 @@ def of_reading(reading: Message, order: int, observed: Iterable[Observed], first
 
 
 def of_estimate(estimate: Estimate, order: int) -> list[Observation]:
-    """The rows that a filter passes on: the same ones, whoever repeats them."""
+    """An estimate's rows as observations; `order` is its unit's row in the train file."""
     return [
         Observation(
             o.measured_at_ns,
@@ -42,9 +42,9 @@ def of_estimate(estimate: Estimate, order: int) -> list[Observation]:
 
 
 def whole_readings(estimate: Estimate, order: int, message: type[Message]) -> list[Observation]:
-    """An estimate's readings as the sensor stated them, to be judged where they stand, and the rows that are none of theirs.
+    """An estimate's whole readings, which the fuser judges, and the rows that belong to none of them.
 
-    Raises Refused for fields that are not the sensor's.
+    Raises Refused for fields that are not in the schema `message`.
     """
     out = []
     for r in estimate.readings:

@@ -1,4 +1,4 @@
-"""Which units the fuser hears, how long ago, and which it waits for."""
+"""The units of the fuser: when each was heard last, which count, and which an epoch waits for."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from milepost.estimation.shares import Shares
 from milepost.estimation.time_units import S_PER_NS
 
 STALE_NS = 1_000_000_000
-# how far back a unit's accuracy is looked for; twice its period where that is longer, or a slow unit would seem to know nothing
+# the window over which a unit's information is summed; twice its period where that is longer, so that it holds a reading
 WINDOW_NS = 1_000_000_000
-# before anything was fused nobody is the more accurate
+# the variances before the first fused state: all units then have the same information
 UNKNOWN = (0.0, 0.0, 0.0)
 KEPT_TIMES = 4096
 
@@ -36,9 +36,9 @@ class UnitRow:
 
 @dataclass(slots=True)
 class _Unit:
-    """What is known of a unit.
+    """The record of a unit.
 
-    `times` of what counted; `refusals` (time, why, whether gating); `recent` h²/R of [s, v, a] of rows at `recent_ns`.
+    `times` of the readings that count; `refusals` (time, reason, whether gating); `recent` h²/R of [s, v, a] of rows at `recent_ns`.
     """
 
     row: UnitRow
@@ -58,7 +58,7 @@ class _Unit:
         self.window_ns, self.stale_ns = max(WINDOW_NS, 2 * period_ns), max(STALE_NS, 3 * period_ns)
 
     def verdict_at(self, at_ns: int) -> Verdict:
-        """What the filter's own judgements make of it: the last that counted, and the last refusal after it."""
+        """The verdict by the filter's judgements: the last reading that counts, and the last refusal after it."""
         place = bisect_right(self.times, at_ns)
         counted_ns = self.times[place - 1] if place else None
         place = bisect_right(self.refusals, at_ns, key=_time)
@@ -70,7 +70,7 @@ class _Unit:
         return Verdict(None, heard_ns, counted_ns, why if gating else None, why)
 
     def information(self, at_ns: int, variances: Sequence[float]) -> float:
-        """J = Σ h P hᵀ/R over the window, for a second of it."""
+        """The information J = Σ h P hᵀ/R over the window, per second."""
         window_ns = self.window_ns
         first, last = bisect_right(self.recent_ns, at_ns - window_ns), bisect_right(self.recent_ns, at_ns)
         s, v, a = self.recent
@@ -79,7 +79,7 @@ class _Unit:
         return total * WINDOW_NS / window_ns
 
     def forget(self, before_ns: int) -> None:
-        """Drop what no epoch will ask for; the last time before stays: it tells how old a silent unit is."""
+        """Drop what no epoch needs any more; the last time before stays, from which a silent unit's age follows."""
         del self.times[: max(0, bisect_left(self.times, before_ns) - 1)]
         del self.refusals[: max(0, bisect_left(self.refusals, before_ns, key=_time) - 1)]
         place = bisect_left(self.recent_ns, before_ns - self.window_ns)
@@ -93,7 +93,7 @@ def _time(entry: tuple[int, str, bool]) -> int:
 
 @dataclass(frozen=True, slots=True)
 class Presence:
-    """The units at an epoch: ages in seconds and shares of those in use, reasons of those that are not."""
+    """The units at an epoch: ages in seconds and shares of those in use, reasons of the excluded ones."""
 
     ages_s: Mapping[str, float]
     shares: Mapping[str, float]
@@ -101,10 +101,10 @@ class Presence:
 
 
 class Roster:
-    """Times of every unit's observations, tokens that are gone, and punctuality.
+    """The times of every unit's observations, its missing tokens and its punctuality.
 
-    An epoch waits for a unit whose reading is due and has not come: due is its last time + its period + its latency. A unit
-    that let a deadline pass is not waited for until a reading of it comes within `deadline_ns` of being measured again.
+    An epoch waits for a unit whose reading is due and has not come: it is due at the last reading's time + period + latency.
+    A unit that missed a deadline is not waited for until one of its readings arrives within `deadline_ns` again.
     """
 
     def __init__(self, rows: list[UnitRow], shares: Shares, deadline_ns: int) -> None:
@@ -118,41 +118,41 @@ class Roster:
         return self._shares.follows_state
 
     def counted(self, unit: str, measured_at_ns: int) -> None:
-        """A unit's reading counts."""
-        known = self._units[unit]
-        insort(known.times, measured_at_ns)
-        if len(known.times) > 2 * KEPT_TIMES:
-            del known.times[:KEPT_TIMES]
+        """Note a reading that counts."""
+        record = self._units[unit]
+        insort(record.times, measured_at_ns)
+        if len(record.times) > 2 * KEPT_TIMES:
+            del record.times[:KEPT_TIMES]
 
     def refused(self, unit: str, measured_at_ns: int, why: str, gating: bool = False) -> None:
-        """A unit's filter let a reading not count; `gating`: nor any other for the time being."""
-        known = self._units[unit]
-        insort(known.refusals, (measured_at_ns, why, gating))
-        if len(known.refusals) > 2 * KEPT_TIMES:
-            del known.refusals[:KEPT_TIMES]
+        """Note a reading that the unit's filter refused; `gating`: as it refuses all for the time being."""
+        record = self._units[unit]
+        insort(record.refusals, (measured_at_ns, why, gating))
+        if len(record.refusals) > 2 * KEPT_TIMES:
+            del record.refusals[:KEPT_TIMES]
 
     def informed(self, unit: str, observation: Observation) -> None:
-        """A unit's row, by which shares that go by accuracy are chosen."""
+        """Note the information of a row, if the shares depend on it."""
         if not self._shares.by_information:
             return
-        known, R = self._units[unit], observation.variance
-        place = bisect_right(known.recent_ns, observation.measured_at_ns)
-        known.recent_ns.insert(place, observation.measured_at_ns)
-        for column, h in zip(known.recent, observation.row, strict=False):
+        record, R = self._units[unit], observation.variance
+        place = bisect_right(record.recent_ns, observation.measured_at_ns)
+        record.recent_ns.insert(place, observation.measured_at_ns)
+        for column, h in zip(record.recent, observation.row, strict=False):
             column.insert(place, h * h / R)
 
     def arrived(self, unit: str, measured_at_ns: int, now_ns: int) -> None:
-        """A unit's reading came, whether or not it counts."""
-        known = self._units[unit]
-        known.arrived_ns = max(known.arrived_ns, measured_at_ns)
-        if now_ns - measured_at_ns <= self._deadline_ns + known.row.latency_ns:
-            known.punctual = True
+        """Note that a reading arrived, whether or not it counts."""
+        record = self._units[unit]
+        record.arrived_ns = max(record.arrived_ns, measured_at_ns)
+        if now_ns - measured_at_ns <= self._deadline_ns + record.row.latency_ns:
+            record.punctual = True
 
     def process_alive(self, process: str, alive: bool) -> None:
-        """A process's token appeared or went; a unit is heard through its sensor and its filter, a reader through `balise`."""
+        """Note a token that appeared or was dropped: a unit needs its sensor and its filter, a balise reader needs `balise`."""
         for name, unit in self._units.items():
-            speakers = (f"sensor-{name}", f"filter-{name}" if unit.row.fused else "balise")
-            if process in speakers:
+            needed = (f"sensor-{name}", f"filter-{name}" if unit.row.fused else "balise")
+            if process in needed:
                 (unit.gone.discard if alive else unit.gone.add)(process)
 
     def all_heard(self) -> bool:
@@ -160,12 +160,12 @@ class Roster:
         return all(unit.arrived_ns for unit in self._units.values() if unit.row.fused)
 
     def expect_from(self, at_ns: int) -> None:
-        """After a restart: every unit was there at a time, so its next reading is due."""
+        """After a restart, take every unit as heard at `at_ns`, so that its next reading is due."""
         for unit in self._units.values():
             unit.arrived_ns = max(unit.arrived_ns, at_ns)
 
     def missing(self, epoch_ns: int) -> list[str]:
-        """The units whose reading could be there by the epoch and has not come; stale ones are excluded instead."""
+        """The units whose reading is due by the epoch and has not come; stale units are excluded instead."""
         out = []
         for name, unit in self._units.items():
             period, last = unit.row.period_ns, unit.arrived_ns
@@ -173,12 +173,12 @@ class Roster:
                 out.append(name)
         return out
 
-    def worth_waiting(self, missing: list[str]) -> list[str]:
-        """Those of the missing that are punctual and alive."""
+    def awaited(self, missing: list[str]) -> list[str]:
+        """The missing units that are punctual and alive: the epoch waits for them."""
         return [name for name in missing if self._units[name].punctual and not self._units[name].gone]
 
     def missed_deadline(self, unit: str) -> None:
-        """An epoch was sent without a unit that it had waited for."""
+        """Note that an epoch was sent without a unit that it waited for."""
         self._units[unit].punctual = False
 
     def at(
@@ -189,9 +189,9 @@ class Roster:
         speed_mps: float = 0.0,
         variances: Sequence[float] = UNKNOWN,
     ) -> Presence:
-        """Who counts at an epoch by the fuser's `verdicts` and the filters', with shares at a speed and variances of [s, v, a].
+        """The presence at an epoch by the fuser's `verdicts` and the filters'; shares at a speed and variances of [s, v, a].
 
-        Tokens matter only live: a settled state is a function of what was observed.
+        Tokens matter only live: a settled state is a function of the observations.
         """
         ages: dict[str, float] = {}
         excluded: dict[str, str] = {}
@@ -200,7 +200,7 @@ class Roster:
                 excluded[name] = "process gone"
             elif unit.row.fused:
                 verdict = verdicts.get(name) or unit.verdict_at(epoch_ns)
-                reason = _why_not(verdict, epoch_ns, unit.stale_ns)
+                reason = _exclusion_reason(verdict, epoch_ns, unit.stale_ns)
                 if reason == "silent" and live and epoch_ns - unit.arrived_ns <= unit.stale_ns:
                     reason = "no usable reading"
                 if reason is not None:
@@ -216,13 +216,13 @@ class Roster:
         return self._shares.at(reporting, speed_mps, information)
 
     def forget(self, before_ns: int) -> None:
-        """Drop what no epoch will ask for."""
+        """Drop what no epoch needs any more."""
         for unit in self._units.values():
             unit.forget(before_ns)
 
 
-def _why_not(verdict: Verdict, epoch_ns: int, stale_ns: int) -> str | None:
-    """Why a unit does not count at an epoch; None where it does."""
+def _exclusion_reason(verdict: Verdict, epoch_ns: int, stale_ns: int) -> str | None:
+    """The reason for which a unit is excluded at an epoch; None where it is in use."""
     if verdict.heard_ns is None:
         return "never heard"
     if epoch_ns - verdict.heard_ns > stale_ns:

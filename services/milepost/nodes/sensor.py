@@ -1,4 +1,4 @@
-"""A sensor's process: its readings, when they are ready."""
+"""A sensor's process: it publishes readings when they are ready."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from .base import Node, Output
 
 
 class SensorNode(Node):
-    """Publishes what its source measures. `start_ns` is the UTC time of scenario time 0."""
+    """Publishes the readings of its source. `start_ns` is the UTC time of scenario time 0."""
 
     def __init__(self, train: str, instance: str, sensor: Sensor[Any], source: Source, start_ns: int) -> None:
         super().__init__(train, sensor.unit, instance)
@@ -61,11 +61,11 @@ class SensorNode(Node):
         return (Output(self._stream, self.unit, message),)
 
     def _skipped(self, now_ns: int) -> Iterable[Output]:
-        """What the source itself could not use, by its own count."""
+        """Count the entries that the source skipped, and report the first for each reason."""
         for reason, count in self._source_skips.items():
-            told = self.refusals.counts.get(reason, 0)
-            if count > told:
-                if not told:
+            reported = self.refusals.counts.get(reason, 0)
+            if count > reported:
+                if not reported:
                     text = getattr(self._source, "told", {}).get(reason, f"{self.unit}: {reason}")
                     yield self.event("warning", f"refused_{reason}", text, now_ns)
                 self.refusals.counts[reason] = count

@@ -1,4 +1,4 @@
-"""The fused mean and covariance as the product: interval, direction, status, place on earth, last balise."""
+"""The published state: the fused mean and covariance with interval, direction, status, coordinates and last balise."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ from .roster import Presence
 INITIALISING_NS = 1_000_000_000
 STANDSTILL_MPS = 0.05
 KEPT_FIXES = 512
-# what the message allows; an estimate beyond it has lost the train
+# the limits of the message; an estimate beyond them is reported as `lost`
 FARTHEST_M = 1e7
 FASTEST_MPS = 200.0
 
 
 class StateWriter:
-    """Writes states for one line. `lost_above_m`: half an interval wider than this says nothing useful any more."""
+    """Writes states for one line. The status is `lost` where half the interval is wider than `lost_above_m`."""
 
     def __init__(self, line: Line, period_ns: int, sigmas: float, lost_above_m: float) -> None:
         self._line = line
         self._line_hash = line.content_hash
-        # until a balise has been passed (or after a restart) any of them may be the reference
+        # before the first balise, and after a restart, any balise may be the reference
         self._worst_accuracy_m = max((b.location_accuracy_m for b in line.balises), default=0.0)
         self._period_ns = period_ns
         self._sigmas = sigmas
@@ -35,7 +35,7 @@ class StateWriter:
         self._fixes: list[tuple[int, str, float, float]] = []
 
     def passed(self, fix: AbsoluteFix) -> None:
-        """A balise was passed."""
+        """Note a balise that was passed."""
         insort(self._fixes, (fix.measured_at_ns, fix.balise_id, fix.position_m, fix.location_accuracy_m))
         if len(self._fixes) > 2 * KEPT_FIXES:
             del self._fixes[:KEPT_FIXES]
@@ -43,7 +43,7 @@ class StateWriter:
     def write(
         self, head: dict[str, Any], fused: Fused, presence: Presence, since_ns: int, missing: list[str], *, settled: bool
     ) -> FusedState:
-        """The state at `head["measured_at_ns"]`: a function of what was observed until then (and, live, of tokens)."""
+        """The state at `head["measured_at_ns"]`: a function of the observations until then and, live, of tokens."""
         line, at_ns = self._line, head["measured_at_ns"]
         (s, v, a), P = fused.mean[:3], [row[:3] for row in fused.covariance[:3]]
         place = bisect_right(self._fixes, at_ns, key=lambda fix: fix[0])

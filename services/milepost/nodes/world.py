@@ -1,4 +1,4 @@
-"""The world's process: it owns scenario time and tells the true motion, on the epoch grid, to those who compare."""
+"""The world's process: it owns scenario time and publishes the true motion on the epoch grid, for comparison only."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ class WorldNode(Node):
         self._start_ns = start_ns
         self._period_ns = period_ns
         self._next_ns = -(-start_ns // period_ns) * period_ns
-        # half a period later, because nobody waits for the truth and everybody else works on the epoch itself
+        # half a period late: no process waits for the truth, and the others need the processor at the epoch itself
         self._delay_ns = period_ns // 2
 
     def next_tick_ns(self) -> int | None:
-        """When the next epoch's truth is sent."""
+        """The time at which the next epoch's truth is sent."""
         return None if self.finished else self._next_ns + self._delay_ns
 
     def tick(self, now_ns: int) -> Iterable[Output]:
-        """The truth at every epoch until now."""
+        """The truth of every epoch until now."""
         out: list[Output] = []
         while self._next_ns + self._delay_ns <= now_ns and not self.finished:
             t = (self._next_ns - self._start_ns) * 1e-9

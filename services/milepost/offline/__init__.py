@@ -1,1 +1,1 @@
-"""The same nodes without Zenoh: a memory bus, whole trains on it, runs recorded and run again."""
+"""The nodes without Zenoh: a memory bus, runs of whole trains on it, and reruns of recorded messages."""

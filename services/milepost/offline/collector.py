@@ -1,4 +1,4 @@
-"""Python's garbage collector, told that messages are not its business."""
+"""Rarer garbage collection during an offline run."""
 
 from __future__ import annotations
 
@@ -6,13 +6,13 @@ import gc
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-# messages are freed by reference count; looking at every seven hundred of them for cycles costs a tenth of the time
+# messages are freed by reference count; by default the search for cycles takes a tenth of the run time
 GC_THRESHOLDS = (20_000, 20, 20)
 
 
 @contextmanager
 def rare_collection() -> Iterator[None]:
-    """Collect rarely while inside, and leave what is there now alone; afterwards as before."""
+    """Collect rarely inside the context and ignore the objects that exist already; restore the thresholds afterwards."""
     before = gc.get_threshold()
     gc.collect()
     gc.freeze()

@@ -1,4 +1,4 @@
-"""The same nodes without Zenoh: messages are handed over at once, time goes from event to event."""
+"""The memory bus: messages are delivered at once, and time goes from event to event."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ Tap = Callable[[Output, int], None]
 
 
 class MemoryBus:
-    """Runs nodes in one thread on a clock that jumps to whatever is next; `tap` sees every message and its time."""
+    """Runs nodes in one thread on a clock that jumps to the next tick; `tap` is called with every message and its time."""
 
     def __init__(self, nodes: Sequence[Node], tap: Tap | None = None, before_step: Callable[[int], None] | None = None) -> None:
         self._nodes = list(nodes)
@@ -25,11 +25,11 @@ class MemoryBus:
         self._due: dict[Node, int] = {}
 
     def run_until(self, until_ns: int) -> int | None:
-        """Do all ticks before `until_ns`; returns when the next one would be, None if no node wants one."""
+        """Do all ticks before `until_ns`; returns the time of the next one, None if there is none."""
         due = self._due
-        # somebody outside may have spoken to a node since the last time
+        # a node's next tick may have changed from outside since the last call
         for node in self._nodes:
-            self._ask(node)
+            self._schedule(node)
         while due:
             node = min(due, key=due.__getitem__)
             due_ns = due[node]
@@ -38,12 +38,12 @@ class MemoryBus:
             if self._before_step is not None:
                 self._before_step(due_ns)
             self._queue.extend(node.tick(due_ns))
-            self._ask(node)
+            self._schedule(node)
             self._deliver(due_ns)
         return None
 
-    def _ask(self, node: Node) -> None:
-        """Note when a node wants its next tick; only its own steps and ticks change that."""
+    def _schedule(self, node: Node) -> None:
+        """Note the time of a node's next tick; only its own steps and ticks change it."""
         at = node.next_tick_ns()
         if at is None:
             self._due.pop(node, None)
@@ -51,7 +51,7 @@ class MemoryBus:
             self._due[node] = at
 
     def inject(self, stream: str, unit: str, message: Message, now_ns: int) -> None:
-        """A message from outside, received at `now_ns`."""
+        """Deliver a message from outside, received at `now_ns`."""
         if self._before_step is not None:
             self._before_step(now_ns)
         self._queue.append(Output(stream, unit, message))
@@ -73,11 +73,11 @@ class MemoryBus:
                 for message in self._newest.pop(node, {}).values():
                     queue.extend(node.step(message, now_ns))
                 queue.extend(node.step(output.message, now_ns))
-                self._ask(node)
+                self._schedule(node)
 
     def _listeners(self, stream: str, unit: str, newest: bool) -> list[Node]:
-        return [node for node in self._nodes if _wants(node, stream, unit, newest)]
+        return [node for node in self._nodes if _subscribes(node, stream, unit, newest)]
 
 
-def _wants(node: Node, stream: str, unit: str, newest: bool) -> bool:
+def _subscribes(node: Node, stream: str, unit: str, newest: bool) -> bool:
     return any(s.stream == stream and s.unit in ("*", unit) and s.newest_only == newest for s in node.subscriptions)

@@ -12,7 +12,7 @@ from milepost.config.train import Train
 from milepost.nodes.base import Output, Refusals
 from milepost_schemas import BY_NAME, ROOT, STREAMS, Message, Refused, from_fields
 
-# a clock that is farther off than this is none, and time would have to be gone through epoch by epoch
+# a receipt time farther off than this is wrong; a rerun would pass through the time between epoch by epoch
 FARTHEST_NS = 3600 * 10**9
 
 
@@ -25,7 +25,7 @@ def write_line(file: TextIO, train: str, output: Output, received_at_ns: int) ->
 
 @dataclass
 class Reader:
-    """Reads a recording for a train; lines that cannot be used are counted by reason, with the first of each told."""
+    """Reads a recording for a train; refused lines are counted by reason, and `first` has the first one of each."""
 
     path: Path
     train: Train
@@ -51,7 +51,7 @@ class Reader:
                 if found is None:
                     continue
                 stream, unit, message, received = found
-                # without a receipt time, the latest publication so far is the best clock there is
+                # without a receipt time, the latest publication time so far is the clock
                 latest_ns = max(latest_ns, message.published_at_ns)
                 yield stream, unit, message, received if received is not None else latest_ns
 
@@ -62,7 +62,7 @@ class Reader:
             raise Refused("undecodable", f"not JSON: {error}") from error
         key = entry.get("key") if isinstance(entry, dict) else None
         if not isinstance(key, str):
-            raise Refused("invalid", "key: a string is needed")
+            raise Refused("invalid", "key: must be a string")
         parts = key.split("/")
         if "/".join(parts[:2]) != ROOT or len(parts) < 4:
             raise Refused("invalid", f"key: {key} is not below {ROOT}/TRAIN/")
@@ -71,18 +71,18 @@ class Reader:
         stream, unit = self._stream("/".join(parts[3:]))
         received = entry.get("received_at_ns")
         if received is not None and (type(received) is not int or received <= 0):
-            raise Refused("invalid", "received_at_ns: a positive whole number is needed")
+            raise Refused("invalid", "received_at_ns: must be a positive whole number")
         message = from_fields(entry.get("payload"), BY_NAME[stream].message)
         if received is not None and abs(received - message.published_at_ns) > FARTHEST_NS:
-            raise Refused("invalid", "received_at_ns: more than an hour from published_at_ns")
+            raise Refused("invalid", "received_at_ns: must be within an hour of published_at_ns")
         if message.train != self.train.name or parts[2] != self.train.name:
             raise Refused("other_train", f"{message.train} is not {self.train.name}")
         if unit and message.unit != unit:
-            raise Refused("other_unit", f"{key}: says unit {message.unit}")
+            raise Refused("other_unit", f"{key}: the payload's unit is {message.unit}")
         return stream, unit, message, received
 
     def _stream(self, path: str) -> tuple[str, str]:
-        """The stream and the unit of what follows the train in a key."""
+        """The stream and the unit of a key, from its part after the train."""
         last = path.rpartition("/")[2]
         rows = [row for row in STREAMS if row.key.format(unit=last) == path]
         if not rows:

@@ -1,4 +1,4 @@
-"""A whole train on the memory bus: as fast as it goes, the same from run to run."""
+"""A whole train on the memory bus, as fast as possible and with the same result in every run."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ OFFLINE_START_NS = 1_700_000_000 * NS_PER_S
 
 @dataclass
 class OfflineRun:
-    """Nodes on a memory bus, collecting the fuser's settled states."""
+    """A run of nodes on a memory bus that collects the fuser's settled states."""
 
     train: Train
     nodes: list[Node]
@@ -44,7 +44,7 @@ class OfflineRun:
                 self.settled(state)
 
     def finish(self) -> None:
-        """Settle what is left."""
+        """Settle the remaining states."""
         if self.settled:
             self._settle(None)
 
@@ -58,10 +58,10 @@ def simulate(
 ) -> None:
     """Run all processes of a simulated or replayed train for `duration_s` of scenario time, or until its world ends.
 
-    `progress` is told the time done. Raises ConfigError for a train without scenario time.
+    `progress` is called with the scenario time done, in seconds. Raises ConfigError for a train without scenario time.
     """
     if not train.has_scenario_time:
-        raise ConfigError(train.path, "world", "needed for an offline run without recordings")
+        raise ConfigError(train.path, "world", "required for an offline run without recordings")
     setting = Setting.of(train, "offline", duration_s, OFFLINE_START_NS)
     nodes = [ROLES[p.role].build(train, p.unit, setting) for p in processes(train)]
     run = OfflineRun(train, nodes, tap, settled)

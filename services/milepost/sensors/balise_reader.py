@@ -1,4 +1,4 @@
-"""Balise reader: the antenna that hears a balise as the train passes over it."""
+"""Balise reader: the antenna that reads a balise as the train passes over it."""
 
 from __future__ import annotations
 
@@ -37,14 +37,14 @@ class BaliseReaderOptions(SensorOptions):
 
 
 class BaliseReader(Sensor[BaliseReaderOptions]):
-    """Telegrams carry an identity and the time of passage; the balise service knows where that is."""
+    """Telegrams carry a balise's identity and the time of passage; the balise service knows its position."""
 
     kind = "balise_reader"
     stream = "balise_telegram"
     options_model = BaliseReaderOptions
 
     def observe(self, reading: Any, belief: Belief | None) -> Sequence[Observed]:  # noqa: ARG002
-        """Nothing by itself: a telegram becomes a fix in the balise service."""
+        """No observation: a telegram becomes a fix in the balise service."""
         return ()
 
     def open(self, world: World | None, from_s: float) -> Source:
@@ -54,20 +54,20 @@ class BaliseReader(Sensor[BaliseReaderOptions]):
 
 
 class _Simulated:
-    """Looks ahead along the motion a second at a time for the next passage."""
+    """Searches the motion for the next passage, a second at a time."""
 
     def __init__(self, unit: str, options: BaliseReaderOptions, world: World, from_s: float) -> None:
         self._world, self._options = world, as_simulated(options, options.simulated)
         self._stated_variance = options.read_std_m**2
         self._noise = WhiteNoise(world.seed, unit)
-        # a balise just behind may be heard late: whoever begins over it must not lose it
+        # a balise just behind may be read late: a reader that starts over it must not lose it
         behind = world.motion.at(from_s)[0] - 10.0 * self._options.read_std_m
         self._next = next((i for i, b in enumerate(world.line.balises) if b.position_m > behind), len(world.line.balises))
         self._searched_s = from_s
         self._passage_s: float | None = None
 
     def next_s(self) -> float | None:
-        """When the next telegram is ready, or when to look again."""
+        """The time at which the next telegram is ready, or at which to search again."""
         if self._passage_s is None:
             self._search()
         if self._passage_s is not None:
@@ -79,7 +79,7 @@ class _Simulated:
         balises, motion = self._world.line.balises, self._world.motion
         if self._next >= len(balises) or self._searched_s >= motion.end_s:
             return
-        # the reader hears the balise a little early or late, so it is the heard place that must be passed
+        # the balise is read a little early or late, so the passage is that of the place with this error
         heard_m = balises[self._next].position_m + self._options.read_std_m * self._noise[self._next]
         if heard_m < motion.at(self._searched_s)[0]:
             self._next += 1
@@ -90,7 +90,7 @@ class _Simulated:
             self._searched_s = until
 
     def read(self) -> Measured | None:
-        """The telegram of the passage that was found, if one was."""
+        """The telegram of the passage that was found, if any."""
         if self._passage_s is None:
             return None
         passage, balise = self._passage_s, self._world.line.balises[self._next]

@@ -1,4 +1,4 @@
-"""What every kind of sensor offers: how it observes the state, and where its readings come from."""
+"""The interface of a sensor: how it observes the state, and where its readings come from."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def as_simulated(options: D, simulated: Simulated) -> D:
 
 
 class Belief(NamedTuple):
-    """What a unit's filter believes where a reading is true: mean (n), covariance (n, n) over [s, v, a, own private]."""
+    """The belief of a unit's filter at a reading's time: mean (n), covariance (n, n) over [s, v, a, own private]."""
 
     mean: Array
     covariance: Array
@@ -64,7 +64,7 @@ class Observed(NamedTuple):
 
 
 class WheelCreep(Protocol):
-    """How the wheels run on the rail: their surface speed is v (1 + c)."""
+    """The creep of the wheels on the rail: their surface speed is v (1 + c)."""
 
     def at(self, unit: str, t_s: float) -> float:
         """The creep ratio c of a unit's wheel at a scenario time: spin above 0, slide below."""
@@ -72,7 +72,7 @@ class WheelCreep(Protocol):
 
 @dataclass(frozen=True)
 class World:
-    """What a simulated sensor can see: the train's motion, the line, the seed of all noise, and how the wheels run."""
+    """The simulated world of a sensor: the train's motion, the line, the seed of all noise, and the wheels' creep."""
 
     motion: Motion
     line: Line
@@ -80,14 +80,14 @@ class World:
     creep: WheelCreep | None = None
 
     def true_value(self, unit: str, state: PrivateState) -> float:
-        """The truth of a private state, drawn from its prior, so that the prior is true."""
+        """The true value of a private state, drawn from its prior, so that the prior is correct."""
         return state.prior_mean + state.prior_std * float(standard_normal(self.seed, f"{unit}.{state.name}", 1)[0])
 
 
 class Observer(Protocol):
-    """Turns one unit's readings into observations, and may remember what it saw; it knows no clock but the readings'.
+    """Turns one unit's readings into observations, and may have a memory; its only time is that of the readings.
 
-    `memory` is all that it remembers, as an immutable value: whoever sets it to an earlier one continues from there.
+    `memory` is its whole memory, as an immutable value: set to an earlier one, the observer continues from there.
     """
 
     memory: Any
@@ -96,18 +96,18 @@ class Observer(Protocol):
         """A reading as observations, linearised, where need be, at `belief`."""
 
     def notices(self) -> list[Notice]:
-        """What a person should read since the last time it was asked."""
+        """The notices since the last call."""
 
     def restarted(self) -> None:
-        """The filter begins again on a train that runs: what was remembered of the readings is lost."""
+        """Note that the filter restarts on a running train: the memory of the readings is lost."""
 
     @property
     def gating(self) -> str | None:
-        """Why it lets no reading count for the time being, against the fused state that it must go on hearing."""
+        """The reason for which no reading counts at present; None where readings count. Feedback still reaches the filter."""
 
     @property
     def refused(self) -> str | None:
-        """Why the last reading did not count; None where it did."""
+        """The reason for which the last reading did not count; None where it did."""
 
 
 O = TypeVar("O", bound=SensorOptions)  # noqa: E741
@@ -120,7 +120,7 @@ class Sensor(ABC, Generic[O]):
     stream: ClassVar[str]
     options_model: ClassVar[type[SensorOptions]]
 
-    # a sensor by itself remembers nothing of its readings
+    # a sensor by itself has no memory of its readings
     memory: Any = None
 
     def __init__(self, unit: str, options: O, line: Line) -> None:
@@ -135,17 +135,17 @@ class Sensor(ABC, Generic[O]):
 
     @property
     def period_s(self) -> float | None:
-        """The time between readings; None where they come when they come (they are then never due)."""
+        """The time between readings; None for an aperiodic sensor, whose readings are never due."""
         return None
 
     @property
     def latency_s(self) -> float:
-        """From the time at which a reading is true to the time at which it is ready."""
+        """The time in seconds from when a reading is true to when it is ready."""
         return 0.0
 
     @property
     def needs_belief(self) -> bool:
-        """Whether `observe` looks at the belief: it costs a prediction a reading."""
+        """Whether `observe` uses the belief, which costs one prediction per reading."""
         return bool(self.private_states)
 
     @abstractmethod
@@ -153,44 +153,44 @@ class Sensor(ABC, Generic[O]):
         """A reading as observations, linearised, where need be, at `belief`."""
 
     def observer(self) -> Observer:
-        """Who observes in a filter's process: the sensor itself, where it need not remember anything."""
+        """The observer in a filter's process: the sensor itself, where no memory is needed."""
         return self
 
     def snapshot(self, belief: Belief, at_ns: int) -> bytes | None:  # noqa: ARG002
-        """What is worth keeping of a belief from one run to the next; None where nothing is."""
+        """The calibration in a belief that is stored for the next run; None where there is none."""
         return None
 
     def restore(self, kept: bytes, now_ns: int) -> Observed:  # noqa: ARG002
-        """What was kept, as an observation beside the prior. Raises ValueError saying why it cannot be used."""
-        raise ValueError("this kind of sensor keeps nothing")
+        """A stored calibration as an observation beside the prior. Raises ValueError with the reason if it is refused."""
+        raise ValueError("this kind of sensor stores no calibration")
 
     def notices(self) -> list[Notice]:
-        """Nothing: a sensor by itself sees one reading at a time."""
+        """None: a sensor by itself has no memory."""
         return []
 
     def restarted(self) -> None:
-        """Nothing is lost, for the same reason."""
+        """Do nothing: a sensor by itself has no memory."""
 
     @property
     def gating(self) -> str | None:
-        """Nothing, for the same reason."""
+        """None: a sensor by itself judges no reading."""
         return None
 
     @property
     def refused(self) -> str | None:
-        """Nothing, for the same reason."""
+        """None: a sensor by itself judges no reading."""
         return None
 
     def source(self, world: World | None, from_s: float) -> Source:
-        """Where the train file takes the readings from: a recording, for any kind of sensor, or what the kind itself opens."""
+        """The source that the train file names: a recording, for any kind of sensor, or the one that the kind opens."""
         if self.options.source != "recording":
             return self.open(world, from_s)
         if self.options.recording is None:
-            raise ValueError(f"{self.unit}: `source: recording` needs a `recording`")
+            raise ValueError(f"{self.unit}: `recording` is required with `source: recording`")
         return CsvSource(self.options.recording, BY_NAME[self.stream].message, from_s)
 
     def needed(self, world: World | None) -> World:
-        """The world, without which a simulated sensor has no source. Raises ValueError where there is none."""
+        """The world of a simulated sensor. Raises ValueError where there is none."""
         if world is None:
             raise ValueError(f"{self.unit}: a {self.kind} has no source without a simulated world")
         return world

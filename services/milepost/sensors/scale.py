@@ -1,4 +1,4 @@
-"""A speed that is off by an unknown scale, as an observation of the speed and of the scale."""
+"""A speed with an unknown scale error, as an observation of the speed and of the scale."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ SCALE = N_COMMON
 
 
 class ScaleOptions(SensorOptions):
-    """A sensor that may be off by an unknown scale κ; with `scale_std: 0` the filter is not told of any.
+    """A sensor with an unknown scale error κ; with `scale_std: 0` the filter has no such state.
 
     κ is constant, a random walk (`scale_noise_psd`, 1/s) or first-order Markov about 0 (`scale_time_constant_s`).
     """
@@ -28,7 +28,7 @@ class ScaleOptions(SensorOptions):
     @model_validator(mode="after")
     def _one_kind_of_motion(self) -> ScaleOptions:
         if self.scale_time_constant_s is not None and self.scale_noise_psd > 0.0:
-            raise ValueError("scale_time_constant_s already says how fast a scale moves: leave out scale_noise_psd")
+            raise ValueError("scale_noise_psd must not stand beside scale_time_constant_s")
         return self
 
     @property
@@ -64,12 +64,12 @@ class TrueScale:
 
 
 def scaled_speed(speed_mps: float, variance_m2ps2: float, belief: Belief | None, scale: PrivateState) -> Observed:
-    """z = v/(1 + κ) + e, e ~ N(0, R): what a wheel or a radar says whose calibration is off by κ, the only private state.
+    """z = v/(1 + κ) + e, e ~ N(0, R): the speed of a wheel or a radar with the scale error κ, the only private state.
 
     With μ = 1 + κ̂, the expected reading ẑ = v̂/μ and the innovation ν = z - ẑ: v - ẑ κ = ẑ + μ ν + δκ w - μ e, where δκ is
     the error of κ̂ and w that of ẑ. So h = [0, 1, 0, -ẑ], value ẑ + μ ν + E[δκ w], variance μ² R + Var(δκ w), with
     E[δκ w] = c/μ, Var(δκ w) = (P_κκ h P hᵀ + c²)/μ², c = P_κv - ẑ P_κκ. Without a belief ẑ = z, μ = 1 + prior.
-    For a wheel κ is true over told diameter, less one.
+    For a wheel κ is true over nominal diameter, less one.
 
     Why κ divides: for a mean reading z all (v, κ) that explain it lie on the straight line v = (1 + κ) z, which one row
     holds exactly: what is left out, δκ w, fades as ẑ becomes known, whatever κ's uncertainty. In z = (1 + κ) v they lie on a

@@ -1,4 +1,4 @@
-"""How wheels creep on the rail: events of the scenario, and poor adhesion that traction or braking asks too much of."""
+"""Creep of the wheels on the rail: events of the scenario, and traction or braking beyond poor adhesion."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from .motion import Motion
 from .noise import BLOCK, block_rng
 
 GRAVITY_MPS2 = 9.80665
-# the part of a patch of rail in which the friction changes over to the next one's
+# the part of a patch in which the friction changes to that of the next patch
 CHANGE_OVER = 0.2
 
 
@@ -60,7 +60,7 @@ class Creep:
     """The creep ratio c(t) of each unit's wheel, whose surface speed is v (1 + c): a pure function of time and seed.
 
     Spontaneous creep: with demand d = a + g i (acceleration and slope i) and available b = μ(s) g p (driven part p),
-    c = sign(d) min(k (|d|/b - 1), c_max) where |d| > b. Our own model of what source D observes but does not model.
+    c = sign(d) min(k (|d|/b - 1), c_max) where |d| > b. Milepost's model; source D observes this creep and has no model of it.
     """
 
     def __init__(self, motion: Motion, line: Line, seed: int, events: Sequence[CreepEvent], adhesion: Adhesion | None) -> None:
@@ -71,7 +71,7 @@ class Creep:
         self._frictions: list[float] = []
 
     def at(self, unit: str, t_s: float) -> float:
-        """The creep ratio of a unit's wheel: events and spontaneous creep together, never below a locked wheel's -1."""
+        """The creep ratio of a unit's wheel: the sum of events and spontaneous creep, at least -1, a locked wheel's."""
         ratio = sum(event.at(t_s) for event in self._events if event.units is None or unit in event.units)
         if self._adhesion is not None and (self._adhesion.units is None or unit in self._adhesion.units):
             ratio += self._spontaneous(self._adhesion, t_s)
@@ -88,7 +88,7 @@ class Creep:
     def friction(self, position_m: float) -> float:
         """μ at a position: constant over a patch, and linear over its last fifth to the next one's. Needs adhesion."""
         if self._adhesion is None:
-            raise ValueError("this world says nothing of adhesion")
+            raise ValueError("a world without adhesion has no friction")
         place = position_m / self._adhesion.patch_m
         patch = math.floor(place)
         over = (place - patch - (1.0 - CHANGE_OVER)) / CHANGE_OVER

@@ -1,4 +1,4 @@
-"""Motion between knots of [s, v, a], and where the knots come from on a simulated train."""
+"""Motion between knots of [s, v, a], and the generation of the knots for a simulated train."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ class KnotMotion:
 
 
 class Profile:
-    """The speed that the driver aims at: straight lines between (time, speed) corners, held before and after them.
+    """The driver's target speed: straight lines between (time, speed) corners, held before and after them.
 
     `corner_s` w: how long a change of acceleration takes. The speed is then the moving average of the straight lines over
     ±w/2, v(t) = [S(t + w/2) - S(t - w/2)]/w with S their integral: the jerk is Δa/w in a corner and 0 elsewhere.
@@ -93,7 +93,7 @@ class Profile:
         self._shift_m = start_m - self.at(0.0)[0] if corner_s else 0.0
 
     def at(self, t_s: float) -> Kinematics:
-        """Position, speed and acceleration aimed at."""
+        """The target position, speed and acceleration."""
         w = self._corner_s
         if not w:
             return self._sharp(t_s)[1:]
@@ -128,7 +128,7 @@ class Profile:
 
 
 class WhiteJerkMotion:
-    """A seeded white-jerk path around a profile, on knots every 10 ms: the train that the estimator's model describes.
+    """A seeded white-jerk path around a profile, on knots every 10 ms, as in the estimator's motion model.
 
     The deviation d = [δs, δv, δa] from the profile follows d' = [δv, δa, -u + w], w white of density `jerk_psd` (m²/s⁵).
     The driver u = δs/τ³ + 3 δv/τ² + 3 δa/τ steers back with a triple pole at -1/τ (`driver_time_s`; None: no driver),

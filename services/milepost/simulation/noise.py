@@ -1,4 +1,4 @@
-"""Seeded noise that is a function of (seed, label, index): a restarted process draws what it would have drawn."""
+"""Seeded noise as a function of (seed, label, index): a restarted process draws the same numbers."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class MarkovNoise:
         self._seed, self._label = seed, label
         self._keep = math.exp(-step_s / time_constant_s)
         self._drive = math.sqrt(-math.expm1(-2.0 * step_s / time_constant_s))
-        # the value before the first of each block: blocks are made in order, each from the end of the one before it
+        # the last value before each block: blocks are made in order, each from the end of the one before it
         self._ends = [float(standard_normal(seed, f"{label}.start", 1)[0])]
         self._block = -1
         self._values: list[float] = []

@@ -1,4 +1,4 @@
-"""The motion that a recording gives: of trusted GNSS fixes, or of a recorded path."""
+"""The motion from a recording: through trusted GNSS fixes, or along a recorded path."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from .motion import KnotMotion
 AMBIGUOUS_M = 1.0
 # chainages this far apart are different parts of the track
 APART_M = 20.0
-# within this time the path of a train is at most so many times as long as its chord
+# within this time a train's path is at most this many times as long as its chord
 STRAIGHT_S = 10.0
 LONGEST_DETOUR = 1.5
 DEGREE_M = 111_200.0
@@ -62,7 +62,7 @@ def smooth_motion(file: Path, fixes: Sequence[RecordedFix], track: Track, fix_st
         C = np.linalg.solve(P_bar, F @ after[k][1]).T
         smooth.append(after[k][0] + C @ (smooth[-1] - x_bar))
     knots = np.array(smooth[::-1])
-    # before the first trusted fix the motion is extrapolated backwards, so that it begins at time 0
+    # the motion is extrapolated backwards from the first trusted fix, so that it begins at time 0
     if times[0] > 0.0:
         s, v, a = knots[0]
         t = -times[0]
@@ -117,7 +117,7 @@ def _chainage(file: Path, row: TruthRow, track: Track) -> float:
     latitude, longitude = row.place
     nearest = track.project(latitude, longitude)
     off = abs(nearest.cross_track_m)
-    # the farther the point is from the track, the longer is the part of the track that is about as near
+    # the farther the point is from the track, the longer is the part of the track at about the same distance
     legs = track.legs(latitude, longitude, off + AMBIGUOUS_M, APART_M + 2.0 * off)
     if len(legs) > 1:
         where = f"{legs[0].position_m:.0f} m and {legs[1].position_m:.0f} m of the line are equally near"
@@ -126,7 +126,7 @@ def _chainage(file: Path, row: TruthRow, track: Track) -> float:
 
 
 class _Plane:
-    """Metres east and north of a point, good to a percent within a degree of latitude: enough to tell what is near."""
+    """Metres east and north of a point, to a percent within a degree of latitude: enough to find near points."""
 
     def __init__(self, latitude_deg: float, longitude_deg: float) -> None:
         self._origin = np.array([latitude_deg, longitude_deg])
@@ -141,7 +141,7 @@ class _Plane:
 def _smooth(times: Array, s: Array, v: Array) -> Array:
     """[s, v, a] (n, 3) of which each is the other's derivative: s = p + d, p = ∫v dt, d the mean of s - p over ±1 s.
 
-    Positions and speeds of a recording are not quite each other's; as knots, they would be joined by jumps of acceleration.
+    Recorded positions and speeds do not quite agree; as knots, they would give jumps of acceleration.
     """
     p = np.concatenate([[0.0], np.cumsum(0.5 * (v[1:] + v[:-1]) * np.diff(times))])
     reach = max(1, round(1.0 / float(np.median(np.diff(times)))))

@@ -23,7 +23,7 @@ def geojson_points(geojson: Path) -> list[tuple[float, float]]:
     except (KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
         raise ValueError(f"{geojson}: not a GeoJSON LineString") from error
     if kind != "LineString":
-        raise ValueError(f"{geojson}: a LineString is needed, not {kind}")
+        raise ValueError(f"{geojson}: must be a LineString, not {kind}")
     for number, (longitude, latitude) in enumerate(points, start=1):
         if not (-180.0 <= longitude <= 180.0 and -90.0 <= latitude <= 90.0):
             raise ValueError(f"{geojson}: point {number} is not a longitude and a latitude in degrees")

@@ -1,4 +1,4 @@
-"""What is known of a line: its chainage, its balises, its profile and, where it has one, its track on the earth."""
+"""A line: its chainage, its balises, its profile and, where it has geometry, its track on the earth."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from .track import Track
 
 @dataclass(frozen=True, slots=True)
 class Balise:
-    """A balise and its chainage; `location_accuracy_m` is how well the line knows it."""
+    """A balise and its chainage, which is known to within `location_accuracy_m`."""
 
     balise_id: str
     position_m: float
@@ -22,7 +22,7 @@ class Balise:
 
 @dataclass(frozen=True)
 class Line:
-    """What is known of the line: name, length, balises in order of chainage, map accuracy, perhaps geometry and profile.
+    """A line: name, length, balises in order of chainage, map accuracy, and optional geometry and profile.
 
     `gradient`: (position_m, slope) in order of position, slope in metres of rise per metre, linear between them.
     `tunnels`: (from_m, to_m), in order, apart from each other.
@@ -49,13 +49,13 @@ class Line:
         return from_slope + (position_m - from_m) / (to_m - from_m) * (to_slope - from_slope)
 
     def in_tunnel(self, position_m: float) -> bool:
-        """Whether the sky is hidden at a position: in [from, to) of a tunnel."""
+        """Whether a position lies in a tunnel, [from, to)."""
         i = bisect_right(self.tunnels, position_m, key=_position)
         return i > 0 and position_m < self.tunnels[i - 1][1]
 
     @property
     def content_hash(self) -> str:
-        """The first 16 hex digits of the SHA-256 of the line's content: tells whether two processes mean the same line."""
+        """The first 16 hex digits of the SHA-256 of the line's content: processes with the same line have the same hash."""
         text = json.dumps(self.content, sort_keys=True, separators=(",", ":"))
         return hashlib.sha256(text.encode()).hexdigest()[:16]
 

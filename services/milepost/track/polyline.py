@@ -1,4 +1,4 @@
-"""A polyline on a plane: nearest points, parts that pass a point, kinks, and whether it comes near itself."""
+"""A polyline on a plane: nearest points, the parts that pass a point, kinks, and parts that are near each other."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-# two parts of a line may be this much farther apart than asked and still count as near: the price of looking at points only
+# the step between the compared points, as a share of the distance: parts up to this much farther apart count as near too
 COARSENESS = 0.25
-# rounding must not put a kink beside the nearest points that dwell on it
+# a kink this near a chainage is at it: the nearest points that stay on a kink are rounded
 AT_A_KINK_M = 0.01
-# a cell of the grid, and half of those around it: each pair of neighbours once
+# a cell of the grid and half of those around it, which gives each pair of neighbours once
 NEIGHBOURS = ((0, 0), (1, 0), (0, 1), (1, 1), (1, -1))
 
 
@@ -39,7 +39,7 @@ class Polyline:
         self._ux, self._uy = dx / self._length, dy / self._length
         ratio = np.diff(chainage_m) / self._length
         columns = (x_m[:-1], y_m[:-1], self._ux, self._uy, self._length, chainage_m[:-1], ratio)
-        # one segment is looked at in plain numbers
+        # plain floats are faster for a single segment
         self._segments: list[tuple[float, ...]] = np.column_stack(columns).tolist()
         kinks = np.diff(np.unwrap(np.arctan2(dy, dx)))
         self._kink_at: list[float] = chainage_m[1:-1].tolist()

@@ -21,10 +21,10 @@ HEADING_STEP_M = 5
 
 @dataclass(frozen=True, slots=True)
 class Projection:
-    """A point on the earth as seen from the line: the nearest point's chainage and the distance from it.
+    """The projection of a point on the line: the nearest point's chainage and the distance from it.
 
-    `position_m` is below 0 or above the line's length where the point lies beyond an end: the track is taken to go on
-    straight. `cross_track_m` is positive to the right, seen in the direction of increasing chainage.
+    `position_m` is below 0 or above the line's length where the point lies beyond an end: the track is extended straight.
+    `cross_track_m` is positive to the right, seen in the direction of increasing chainage.
     """
 
     position_m: float
@@ -41,16 +41,16 @@ class Track:
     """
 
     def __init__(self, points: Sequence[tuple[float, float]]) -> None:
-        # slow to import, and only lines with geometry need it
+        # imported here because the import is slow and only lines with geometry need it
         import pyproj
 
         lon = np.array([p[0] for p in points], dtype=float)
         lat = np.array([p[1] for p in points], dtype=float)
         if len(points) < 2:
-            raise ValueError("a track needs at least two points")
+            raise ValueError("a track must have at least two points")
         forth, back, lengths = pyproj.Geod(ellps="WGS84").inv(lon[:-1], lat[:-1], lon[1:], lat[1:])
         if not np.all(np.asarray(lengths) > 0.0):
-            raise ValueError("two neighbouring points of the track are the same")
+            raise ValueError("neighbouring points of a track must differ")
         plane = f"+proj=tmerc +ellps=WGS84 +lat_0={lat.mean()} +lon_0={lon.mean()}"
         self._to_plane = pyproj.Transformer.from_crs("EPSG:4326", plane, always_xy=True)
         x, y = self._to_plane.transform(lon, lat)
@@ -70,7 +70,7 @@ class Track:
         self._lat: list[float] = np.asarray(lat).tolist()
 
     def project(self, latitude_deg: float, longitude_deg: float) -> Projection:
-        """The nearest point of the track; infinitely far from it for points that the plane cannot show."""
+        """The nearest point of the track; the distance is infinite for points that are not on the plane."""
         x, y = self._to_plane.transform(longitude_deg, latitude_deg)
         if not (math.isfinite(x) and math.isfinite(y)):
             return Projection(0.0, math.inf)  # a quarter of the earth away, where the plane ends
@@ -91,7 +91,7 @@ class Track:
         return self._polyline.comes_near_itself(within_m, apart_m)
 
     def turning(self, from_m: float, to_m: float) -> float:
-        """By how much the polyline turns between two chainages, left and right added up, in radians.
+        """The turning of the polyline between two chainages, left and right added, in radians.
 
         Σ 2 tan(θ/2) over its kinks θ: for a point that moves at a distance c beside it, the nearest point advances by at
         most c times this more or less.
@@ -99,7 +99,7 @@ class Track:
         return self._polyline.turning(from_m, to_m)
 
     def locate(self, position_m: float) -> tuple[float, float]:
-        """Latitude and longitude, in degrees, of a chainage; the ends of the track for what lies beyond them."""
+        """Latitude and longitude, in degrees, of a chainage; those of the track's end for a chainage beyond it."""
         chainage = self._at
         i = min(max(bisect_right(chainage, position_m) - 1, 0), len(chainage) - 2)
         part = min(max((position_m - chainage[i]) / (chainage[i + 1] - chainage[i]), 0.0), 1.0)

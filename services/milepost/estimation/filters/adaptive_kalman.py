@@ -28,15 +28,15 @@ class AdaptiveKalmanFilter(LearningFilter[AdaptiveKalmanOptions, InnovationVaria
     options_model = AdaptiveKalmanOptions
 
     def learner(self, observation: Observation) -> InnovationVariance:
-        """It begins with the stated R."""
+        """A learner that begins with the stated R."""
         return InnovationVariance(observation.variance, self.options.memory, self.options.floor * observation.variance)
 
     def learn(self, learner: InnovationVariance, observation: Observation, dt_s: float) -> Observation:  # noqa: ARG002
-        """R̂ with this reading's innovation."""
+        """The observation with R̂, after this reading's innovation."""
         expected = self.expected(observation)
         learner.learn(observation.value - expected.value, expected.variance)
         return self.judge(learner, observation)
 
     def judge(self, learner: InnovationVariance, observation: Observation) -> Observation:
-        """R̂ as it stands."""
+        """The observation with R̂ unchanged."""
         return observation._replace(variance=learner.variance)

@@ -1,7 +1,7 @@
-"""What every kind of local filter offers.
+"""The interface of a local filter.
 
-A kind decides how a reading's observations enter: their variance, whether they are pre-filtered, how its own belief takes
-them. Its belief is its own; only its observations reach the fused result.
+A kind of filter decides the variance of a reading's observations, whether they are pre-filtered, and how its own belief
+takes them. Only its observations reach the fused result, not its belief.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from ..observation import Observation
 
 @dataclass(frozen=True)
 class FilterSetup:
-    """What a local filter is built on: states, q in m²/s⁵, the prior, the horizon and the share β."""
+    """The setup of a local filter: states, q in m²/s⁵, prior, horizon and share β."""
 
     layout: Layout
     jerk_psd: float
@@ -36,7 +36,7 @@ class LocalFilter(Generic[O]):
     `options_model` is a frozen dataclass of plain values whose `__post_init__` raises ValueError("field: what is wrong").
     """
 
-    # whether its observations are the readings' own, so that the fuser may linearise and judge these by itself
+    # whether its observations are the unchanged readings, so that the fuser may linearise and judge these by itself
     passes_readings: ClassVar[bool] = True
     kind: ClassVar[str]
     options_model: ClassVar[type[Any]]
@@ -53,20 +53,20 @@ class LocalFilter(Generic[O]):
         return kernel_for(layout, jerk_psd)
 
     def prepare(self, observations: Sequence[Observation], now_ns: int) -> Sequence[Observation]:  # noqa: ARG002
-        """A reading's observations as this kind takes them and passes them on: other z or R, the same identity."""
+        """A reading's observations as this kind passes them on: z or R may change, the identity does not."""
         return observations
 
     def notices(self) -> list[Notice]:
-        """What a person should read since the last time it was asked."""
+        """The notices since the last call."""
         return []
 
     def take(
         self, observations: Sequence[Observation], now_ns: int, known: Sequence[Observation] = ()
     ) -> tuple[list[Observation], list[str]]:
-        """Take a reading's observations into the belief; returns those that the fuser shall count, and why others do not.
+        """Take a reading's observations into the belief; returns those for the fuser, and the reasons for refusals.
 
-        `known` came from elsewhere: it is taken as it is, and no kind learns a sensor's noise from it. An observation older
-        than the feedback in the belief is `absorbed`: the belief cannot use it, the fuser can.
+        `known` observations are of no reading: they are taken unchanged, and no noise is learned from them. An observation
+        older than the feedback in the belief is `absorbed`: the belief cannot use it, the fuser can.
         """
         counted, refused = [], []
         for observation in (*self.prepare(observations, now_ns), *known):

@@ -34,7 +34,7 @@ class HInfinityOptions:
 
 
 class HInfinityFilter(LocalFilter[HInfinityOptions]):
-    """Its belief takes observations so that the worst-case error stays within γ; what it passes on are the plain ones.
+    """Bounds the worst-case error of its belief by γ; it passes observations on unchanged.
 
     -γ⁻²LᵀL makes the increment indefinite, so it shapes the filter's own belief and never the fused result.
     Source: D (9)-(15).
@@ -61,7 +61,7 @@ class HInfinityFilter(LocalFilter[HInfinityOptions]):
         )
 
     def notices(self) -> list[Notice]:
-        """Once when the filter ceases to exist, once when it exists again."""
+        """A notice when the filter ceases to exist, and one when it exists again."""
         existence = self._existence
         held, failed = existence.held, existence.failed
         existence.held = existence.failed = 0

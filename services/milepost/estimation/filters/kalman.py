@@ -9,11 +9,11 @@ from .base import LocalFilter
 
 @dataclass(frozen=True)
 class KalmanOptions:
-    """It has none."""
+    """No options."""
 
 
 class KalmanFilter(LocalFilter[KalmanOptions]):
-    """Takes observations as they come, at the variance that they state. Source: A (3)-(7)."""
+    """Takes observations unchanged, with their stated variance. Source: A (3)-(7)."""
 
     kind = "kalman"
     options_model = KalmanOptions

@@ -1,4 +1,4 @@
-"""Filters that learn from their readings before the belief takes them: what may be learned from, and what is expected."""
+"""Filters that learn from readings before the belief takes them."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ S = TypeVar("S")
 
 
 class Expected(NamedTuple):
-    """What the belief expects of an observation: h x̂ and h P hᵀ."""
+    """The prediction of an observation: h x̂ and h P hᵀ."""
 
     value: float
     variance: float
@@ -28,8 +28,8 @@ class Expected(NamedTuple):
 class LearningFilter(LocalFilter[O], Generic[O, S]):
     """One learner S for each component of a reading, in the order of time.
 
-    A reading learns only if it is later than every one before it and would not be refused: what comes late or twice, or
-    is stamped wildly, is judged by what is known and teaches nothing. Memory: one learner for each component.
+    A learner learns only from a reading that is later than all before it and is not refused. From late, repeated or untimely
+    readings nothing is learned: they get the values learned so far. Memory: one learner for each component.
     """
 
     passes_readings = False
@@ -44,14 +44,14 @@ class LearningFilter(LocalFilter[O], Generic[O, S]):
 
     @abstractmethod
     def learn(self, learner: S, observation: Observation, dt_s: float) -> Observation:
-        """Learn from an observation `dt_s` after the last (0 for the first); returns what the belief takes."""
+        """Learn from an observation `dt_s` after the last (0 for the first); returns the observation for the belief."""
 
     @abstractmethod
     def judge(self, learner: S, observation: Observation) -> Observation:
-        """What the belief takes of an observation that teaches nothing."""
+        """The observation for the belief, without learning from it."""
 
     def prepare(self, observations: Sequence[Observation], now_ns: int) -> Sequence[Observation]:
-        """A reading's observations with what was learned."""
+        """A reading's observations with the learned values or variances."""
         return [self._prepared(o, now_ns) for o in observations]
 
     def _prepared(self, observation: Observation, now_ns: int) -> Observation:
@@ -69,8 +69,8 @@ class LearningFilter(LocalFilter[O], Generic[O, S]):
         """h x̂ and c, the variance of h (x - x̂), at an observation's time.
 
         A belief that takes feedback is P_g/β and grows with Q/β; its common block times β, the private states following, is
-        the fused covariance carried forward, which is how far off x̂ really is. Of a time before the feedback it is the
-        fused belief carried back, which is not divided by β; and nor is the prior.
+        the fused covariance predicted forward, the true covariance of x̂. Before the time of the feedback it is the
+        fused belief predicted backwards, which is not divided by β, nor is the prior.
         """
         estimator, at = self.estimator, observation.measured_at_ns
         h = np.array(estimator.layout.lift(observation.unit, observation.row))

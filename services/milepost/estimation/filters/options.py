@@ -1,4 +1,4 @@
-"""Checks that the options of several kinds share."""
+"""Checks of options that several kinds of filter have."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ from typing import Any
 
 
 def positive(options: Any, *names: str) -> None:
-    """Raises ValueError for a field that is not above 0, or has no end."""
+    """Raises ValueError for a field that is not above 0 and finite."""
     for name in names:
         if not 0.0 < getattr(options, name) < math.inf:
             raise ValueError(f"{name}: must be above 0 and finite")
 
 
 def at_most(options: Any, **limits: float) -> None:
-    """Raises ValueError for a field above its limit: what a step may cost is bounded."""
+    """Raises ValueError for a field above its limit, which bounds the cost of a step."""
     for name, limit in limits.items():
         if getattr(options, name) > limit:
             raise ValueError(f"{name}: must be at most {limit:g}")

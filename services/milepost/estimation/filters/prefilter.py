@@ -1,4 +1,4 @@
-"""Smoothers of a reading's value before a Kalman filter."""
+"""Pre-filters: smoothers of a reading's value before a Kalman filter."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ class Smoother(Protocol):
 
 
 class PreFilter(LearningFilter[O, Smoother]):
-    """Passes on smoothed readings at R_eff; what comes late passes as it is, at the variance of a reading now.
+    """Passes on smoothed readings with R_eff; a late reading passes unchanged, with the variance of a reading now.
 
-    The belief has no part in it, so what is passed on does not depend on feedback.
+    The belief is not used, so the observations do not depend on feedback.
     """
 
     def learn(self, learner: Smoother, observation: Observation, dt_s: float) -> Observation:
@@ -29,5 +29,5 @@ class PreFilter(LearningFilter[O, Smoother]):
         return observation._replace(value=value, variance=variance)
 
     def judge(self, learner: Smoother, observation: Observation) -> Observation:
-        """The reading as it is."""
+        """The reading with its value unchanged."""
         return observation._replace(variance=learner.variance)

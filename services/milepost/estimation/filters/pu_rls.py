@@ -42,7 +42,7 @@ class PuRlsFilter(PreFilter[PuRlsOptions]):
     options_model = PuRlsOptions
 
     def learner(self, observation: Observation) -> Smoother:
-        """It begins with the stated R."""
+        """A smoother that begins with the stated R."""
         o = self.options
         return SwarmTunedSmoother(
             observation.variance,

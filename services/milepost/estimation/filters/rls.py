@@ -29,5 +29,5 @@ class RlsFilter(PreFilter[RlsOptions]):
     options_model = RlsOptions
 
     def learner(self, observation: Observation) -> Smoother:
-        """It begins with the stated R."""
+        """A smoother that begins with the stated R."""
         return ForgettingSmoother(self.options.forgetting, observation.variance, self.options.memory)

@@ -1,4 +1,4 @@
-"""The robust Kalman filter: noise that wanders and throws outliers."""
+"""The robust Kalman filter: time-varying noise with outliers."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from ..observation import Observation
 from .learning import LearningFilter
 from .options import fraction, positive
 
-# an expectation this much sharper than the sharpest reading says all that can be said
+# the least predicted variance, as a share of the stated R: a smaller one makes no difference
 LEAST_EXPECTED = 1e-9
 
 
 @dataclass(frozen=True)
 class RobustKalmanOptions:
-    """The noise: `lowest`, `highest` σ in stated ones, on `levels` levels; `time_constant_s`, `spread` of the wandering ln σ.
+    """The noise: `lowest`, `highest` σ over the stated one, on `levels` levels; `time_constant_s`, `spread` of ln σ.
 
     `outlier_share` of the readings have `outlier_ratio` times σ.
     """
@@ -48,7 +48,7 @@ class RobustKalmanFilter(LearningFilter[RobustKalmanOptions, NoiseScale]):
     options_model = RobustKalmanOptions
 
     def learner(self, observation: Observation) -> NoiseScale:
-        """Nothing is known but the range."""
+        """A learner that knows only the range of σ."""
         o, std = self.options, math.sqrt(observation.variance)
         return NoiseScale(
             NoiseModel(o.lowest * std, o.highest * std, o.levels, o.time_constant_s, o.spread, o.outlier_share, o.outlier_ratio)
@@ -61,7 +61,7 @@ class RobustKalmanFilter(LearningFilter[RobustKalmanOptions, NoiseScale]):
         return taken
 
     def judge(self, learner: NoiseScale, observation: Observation) -> Observation:
-        """The site at σ as it stands."""
+        """The site of this reading, with σ unchanged."""
         return self._site(learner, observation)[0]
 
     def _site(self, learner: NoiseScale, observation: Observation) -> tuple[Observation, Array]:

@@ -1,1 +1,1 @@
-"""How noisy a sensor is, learned from its readings: adaptive variances, noise that wanders, pre-filters."""
+"""A sensor's noise, learned from its readings: adaptive variances, time-varying noise, pre-filters."""

@@ -9,8 +9,8 @@ class InnovationVariance:
     e = z - h x̂ and c = h P hᵀ of each observation, so that E[e²] = c + R (Mehra 1970; Mohamed and Schwarz 1999 over a
     window). Each counts (R/(R + c))², the information that e² has on R, R the greater of R̂ and e² - c: a badly
     predicted reading says little about its noise, unless it is farther off than the prediction can be. The mean runs over
-    all observations until there are `memory` of them, then forgets exponentially; it begins with `start` as if
-    `start_weight` observations had said so. `floor`: R̂ is not below it, because a few small innovations must not make a
+    all observations until there are `memory` of them, then forgets exponentially; it begins with `start`, which has
+    the weight of `start_weight` observations. `floor`: R̂ is not below it, because a few small innovations must not make a
     reading certain. Stated is R̂ (n + 2)/n for the effective number n of observations: it is itself uncertain, and
     E[1/R̂] > 1/R.
     """
@@ -23,15 +23,15 @@ class InnovationVariance:
 
     @property
     def variance(self) -> float:
-        """What is stated now, in the reading's unit squared."""
+        """The variance that is stated now, in the reading's unit squared."""
         # an exponential memory of weight w averages as well as a window of 2 w
         n = self._weight if self._weight < self._memory else 2.0 * self._memory
         return max(self._mean, self._floor) * (n + 2.0) / n
 
     def learn(self, innovation: float, predicted_variance: float) -> None:
         """Take one innovation e of predicted variance c."""
-        # a reading that is far off speaks for a greater R, of which it tells more than of the present one
+        # a large innovation suggests a greater R, about which it holds more information than about the present one
         R = max(self._mean, self._floor, innovation * innovation - predicted_variance)
-        counts = (R / (R + predicted_variance)) ** 2
-        self._weight = min(self._weight + counts, self._memory)
-        self._mean += (innovation * innovation - predicted_variance - self._mean) * counts / self._weight
+        weight = (R / (R + predicted_variance)) ** 2
+        self._weight = min(self._weight + weight, self._memory)
+        self._mean += (innovation * innovation - predicted_variance - self._mean) * weight / self._weight

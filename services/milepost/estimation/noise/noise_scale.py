@@ -1,4 +1,4 @@
-"""How noisy a sensor is now, when its noise wanders and throws outliers: a Bayesian grid over log σ."""
+"""The present noise of a sensor whose noise varies and has outliers: a Bayesian grid over log σ."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 
 from ..layout import Array
 
-# transition matrices kept, by step: a sensor has one period, and some jitter rounded to a millisecond
+# the number of stored transition matrices, by step: a sensor has one period and some jitter, rounded to a millisecond
 KEPT_STEPS = 64
 LEAST_LIKELIHOOD = 1e-300
 # z' stays within 1.5 times the innovation; more costs consistency of the innovations, less of the result
@@ -48,9 +48,9 @@ class NoiseScale:
     x̂ + K̄ e and variance c(1 - K̄) + Var(K) e². The site is the Gaussian observation that gives the same two moments:
     K' = max(K̄ - Var(K) e²/c, 2 K̄/3), z' = h x̂ + (K̄/K') e, R' = c (1 - K')/K'.
 
-    Why not R = 1/E[1/r | z] with z as it is: that states the information of one who knows which readings are outliers,
+    Rejected: R = 1/E[1/r | z] with z unchanged. It states the information of a filter that knows which readings are outliers,
     and is overconfident (NEES 3.5 for 3). The bound 2 K̄/3 is met where it is undecided whether a reading is an outlier:
-    there z' would leave every bound. Adaptive Gaussian-sum filtering (Sorenson and Alspach 1971) collapsed to moments, the
+    without it z' is unbounded there. Adaptive Gaussian-sum filtering (Sorenson and Alspach 1971) collapsed to moments, the
     site as in expectation propagation (Minka 2001); no source has it.
     """
 
@@ -69,7 +69,7 @@ class NoiseScale:
         return float(self.weights @ np.exp(self._levels))
 
     def advance(self, dt_s: float) -> None:
-        """Let ln σ wander for `dt_s` seconds."""
+        """Predict the weights over `dt_s` seconds, p ← p M(T)."""
         step = round(dt_s * 1e3)
         if step <= 0:
             return
@@ -81,7 +81,7 @@ class NoiseScale:
         self.weights = self.weights @ matrix
 
     def site(self, innovation: float, predicted_variance: float) -> tuple[Site, Array]:
-        """The site of an observation, as correction z' - h x̂ and variance, and the weights after it; learns nothing.
+        """The site of an observation, as correction z' - h x̂ and variance, and the weights after it, which are not stored.
 
         `predicted_variance` c > 0.
         """

@@ -43,7 +43,7 @@ class ForgettingModel:
 
 @dataclass(frozen=True)
 class Tuning:
-    """What bounds the swarm: `particles` · (`generations` + 1) runs over `window` readings, at every `every`-th one."""
+    """The swarm's limits: `particles` · (`generations` + 1) runs over `window` readings, at every `every`-th reading."""
 
     particles: int = 6
     generations: int = 2
@@ -53,12 +53,12 @@ class Tuning:
 
 
 class SwarmTunedSmoother:
-    """PU-RLS as a pre-filter: smoothed readings z' and the variance R_eff that they are worth.
+    """PU-RLS as a pre-filter: smoothed readings z' with the effective variance R_eff.
 
     A local parabola (see `rls.LocalParabola`) whose gain uses the unscented P x and whose λ and ω follow `ForgettingModel`;
     the swarm chooses (λ_min, ρ) for the least J = Σ η^(n-i) δ_i q_i of one-step errors over the window [C (7); η fixed,
     because with the candidate's own λ as the weight a short memory would always seem best].
-    σ² is the scale of Student's t: mean of ω e²/(1 + V_yy). A reading of weight ω is worth the information
+    σ² is the scale of Student's t: mean of ω e²/(1 + V_yy). A reading of weight ω has the information
     ω (ν + 1)/((ν + 3) σ²) (Student's Fisher information; ω averages one), and smoothing only spreads information over the
     readings of its memory: 1/R_eff is its mean with the same λ, which is R(1 + 2Σρ_k) for readings of different R.
     Source: C (1)-(12), of which (2), (8)-(10), (12) are lost: a reconstruction.
@@ -87,7 +87,7 @@ class SwarmTunedSmoother:
     @property
     def variance(self) -> float:
         """R_eff of a reading now."""
-        return self._caution() * self._fisher() / max(self._precision, 1e-12)
+        return self._inflation() * self._fisher() / max(self._precision, 1e-12)
 
     def step(self, dt_s: float, value: float) -> tuple[float, float]:
         """A reading z, `dt_s` after the last: z' and R_eff."""
@@ -96,24 +96,24 @@ class SwarmTunedSmoother:
         if parabola.advance(dt_s):
             self._window.clear()
         predicted = parabola.predicted()
-        seeing = predicted.variance < MAX_USEFUL_VARIANCE
+        useful = predicted.variance < MAX_USEFUL_VARIANCE
         square = (value - predicted.value) ** 2 / (1.0 + predicted.variance)
-        q = square / self._scale if seeing else 1.0
+        q = square / self._scale if useful else 1.0
         weight, factor = self._model.weight(q), self._model.forgetting(q, self.shortest, self.sensitivity)
         smoothed = parabola.learn(predicted, value, factor, weight)
-        if seeing:
+        if useful:
             self._window.append((dt_s, value, before))
             self._weight = min(self._weight + 1.0, self._memory)
             self._scale += (weight * square - self._scale) / max(self._weight, 2.0)
             self._tune()
-        pace = max(1.0 - factor, 1.0 / (self._weight + 1.0))
-        self._precision += pace * (weight / self._scale - self._precision)
+        gain = max(1.0 - factor, 1.0 / (self._weight + 1.0))
+        self._precision += gain * (weight / self._scale - self._precision)
         return smoothed, self.variance
 
     def _fisher(self) -> float:
         return (self._model.degrees + 3.0) / (self._model.degrees + 1.0)
 
-    def _caution(self) -> float:
+    def _inflation(self) -> float:
         if self._weight < SETTLING:
             return 1.0 + SETTLING - self._weight
         n = self._weight if self._weight < self._memory else 2.0 * self._memory
@@ -122,7 +122,7 @@ class SwarmTunedSmoother:
     def _tune(self) -> None:
         self._count += 1
         if self._count % self._tuning.every == 0 and len(self._window) == self._tuning.window:
-            # as in the source the generations grow with n; unlike there they stop growing
+            # the generations grow with n as in the source, but up to a limit
             generations = min(self._count // self._tuning.every, self._tuning.generations)
             self.shortest, self.sensitivity = self._swarm.minimise(self._cost, generations).tolist()
 

@@ -11,12 +11,12 @@ from ..kalman import update
 from ..layout import Array
 from ..motion import transition
 
-# what the parabola's coefficients may be before the first reading, in units of the noise: nothing is known
+# the variance of the parabola's coefficients before the first reading, in units of the noise: nothing is known
 PRIOR_VARIANCE = 1e8
-# above this variance, in units of R, an expectation teaches nothing: too few readings, or a long gap
+# above this variance, in units of R, nothing is learned from a prediction: too few readings, or a long gap
 MAX_USEFUL_VARIANCE = 30.0
 RESET_VARIANCE = 1e3
-# until so many innovations were weighed, nothing is known about the noise but what the sensor states
+# below this weight of innovations, only the sensor's stated noise is known
 SETTLING = 8.0
 X = np.eye(3)[0]
 X.setflags(write=False)
@@ -38,7 +38,7 @@ GainTerms = Callable[[Array, Array, Callable[[Array], Array]], tuple[float, Arra
 
 
 class Predicted(NamedTuple):
-    """What the parabola expects of the next reading: y, P x, xᵀ P x and the variance of y, these in units of R."""
+    """The parabola's prediction of the next reading: y, P x, xᵀ P x and the variance of y, these in units of R."""
 
     value: float
     cross: Array
@@ -55,8 +55,8 @@ class LocalParabola:
     P is the inverse of the weighted normal matrix. The variance of w for readings of variance R/ω is R V, kept beside
     it: V ← (I - k xᵀ) F V Fᵀ (I - k xᵀ)ᵀ + k kᵀ/ω; P and V differ, because forgetting is no noise.
 
-    A parabola follows constant acceleration without lag, and needs no belief: what comes out does not carry the errors of
-    the state it will correct. Rejected: smoothing the innovation, which returns the state's own error as a measurement.
+    A parabola follows constant acceleration without lag, and needs no belief: its output does not contain the errors of
+    the state that it will correct. Rejected: smoothing the innovation, which returns the state's own error as a measurement.
     """
 
     def __init__(self, terms: GainTerms = linear_gain_terms) -> None:
@@ -64,23 +64,23 @@ class LocalParabola:
         self.restart()
 
     def restart(self) -> None:
-        """Forget everything."""
+        """Begin again without any reading."""
         self.w, self.P, self.V = np.zeros(3), PRIOR_VARIANCE * np.eye(3), PRIOR_VARIANCE * np.eye(3)
-        self._seeing = False
+        self._useful = False
 
     def advance(self, dt_s: float) -> bool:
-        """Move the origin of time; True if it began anew, because after such a gap nothing is left to expect."""
+        """Move the origin of time by `dt_s`; returns True after a gap so long that the parabola restarts."""
         F = transition(dt_s)
         self.w, self.P, self.V = F @ self.w, F @ self.P @ F.T, F @ self.V @ F.T
-        lost = self._seeing and self.V[0, 0] > RESET_VARIANCE
+        lost = self._useful and self.V[0, 0] > RESET_VARIANCE
         if lost:
             self.restart()
         return bool(lost)
 
     def predicted(self) -> Predicted:
-        """What is expected of a reading now."""
+        """The prediction of a reading now."""
         variance = float(self.V[0, 0])
-        self._seeing = self._seeing or variance < MAX_USEFUL_VARIANCE
+        self._useful = self._useful or variance < MAX_USEFUL_VARIANCE
         return Predicted(*self._terms(self.w, self.P, level), variance)
 
     def learn(self, predicted: Predicted, value: float, forgetting: float, weight: float = 1.0) -> float:
@@ -95,21 +95,21 @@ class LocalParabola:
 
 
 def white_sum(response: Array) -> tuple[float, float]:
-    """Of a filter with impulse response g: its output's variance Σg² for unit white noise, and 1 + 2Σρ_k of its error.
+    """The output variance Σg² of a filter with impulse response g for unit white noise, and 1 + 2Σρ_k of its error.
 
     Their product is (Σg)², so a smoother that passes a constant unchanged has R_eff = R Σg² (1 + 2Σρ_k) = R: smoothing
-    makes each reading look better and makes none of them worth more.
+    makes each reading's variance smaller and adds no information.
     """
     correlation = np.correlate(response, response, mode="full")
     return float(correlation[len(response) - 1]), float(correlation.sum() / correlation[len(response) - 1])
 
 
 class ForgettingSmoother:
-    """Adaptive RLS with a fixed forgetting factor: smoothed readings z' and the variance R_eff that they are worth.
+    """Adaptive RLS with a fixed forgetting factor: smoothed readings z' with the effective variance R_eff.
 
     `forgetting` λ; `start` the variance that the sensor states, `memory` readings over which the noise is estimated:
     R̂ = mean of e²/(1 + V_yy). R_eff = Var(z') (1 + 2Σρ_k) = R̂ (see `white_sum`), stated as R̂ (n + 2)/n for n
-    effective readings, because R̂ is uncertain. After a gap that leaves nothing to expect, it begins anew.
+    effective readings, because R̂ is uncertain. After a long gap it restarts.
     Source: C (1)-(7), the noise estimate is ours.
     """
 

@@ -10,12 +10,12 @@ from ..layout import Array
 
 ACCELERATION = 2.6
 TOP_SPEED = 10.0
-# Clerc and Kennedy 2002 for φ = 2 · 2.6: without it such coefficients diverge to the top speed and stay there
+# Clerc and Kennedy 2002 for φ = 2 · 2.6: without it the particles reach the speed limit and stay there
 CONSTRICTION = 2.0 / (5.2 - 2.0 + (5.2**2 - 4.0 * 5.2) ** 0.5)
 
 
 class Swarm:
-    """Particles in a box, each drawn to its own best place and to the best of all.
+    """Particles in a box, each attracted by its own best place and by the best of all.
 
     v ← χ (v + c₁ r₁ (p - x) + c₂ r₂ (g - x)), |v| ≤ v_max; x ← x + v, kept in the box. c₁ = c₂ = 2.6, r uniform in [0, 1],
     v_max = 10, as the source says; coordinates are such that the box is v_max wide, because the source gives no unit for

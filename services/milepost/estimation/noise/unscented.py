@@ -1,4 +1,4 @@
-"""The unscented transform: a mean and covariance through a function that need not be linear."""
+"""The unscented transform of a mean and covariance by a nonlinear function."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def sigma_points(mean: Array, covariance: Array, kappa: float) -> Array:
 def unscented_gain_terms(
     mean: Array, covariance: Array, observe: Callable[[Array], Array], kappa: float = 0.0
 ) -> tuple[float, Array, float]:
-    """Predicted observation y, cross-covariance P_xy (n) and variance P_yy of y = g(x): what stands for P x and xᵀ P x.
+    """Predicted observation y, cross-covariance P_xy (n) and variance P_yy of y = g(x), in place of P x and xᵀ P x.
 
     `observe` g maps points (m, n) to values (m). Weights W₀ = κ/(n + κ), W_i = 1/(2(n + κ)). For linear g = h x it gives
     h x̂, P h and h P hᵀ exactly. Source: C (9)-(12), lost; a reconstruction.

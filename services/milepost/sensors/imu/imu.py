@@ -58,7 +58,7 @@ class ImuOptions(SensorOptions):
 
     @model_validator(mode="after")
     def _one_stands_for_the_bias(self) -> ImuOptions:
-        # both together claim more than they know: NEES 6 for 3 where each by itself has 2 to 3
+        # both together are overconfident: NEES 6 for 3, where each by itself has 2 to 3
         if self.learn is not None and self.model_bias:
             raise ValueError("learn stands in for a bias in the state: it needs model_bias: false")
         return self
@@ -79,7 +79,7 @@ class Imu(Sensor[ImuOptions]):
 
     @property
     def private_states(self) -> tuple[PrivateState, ...]:
-        """`bias` in m/s², where there is one and the filter is told of it."""
+        """`bias` in m/s², where there is one and the filter models it."""
         std, tau = self.options.bias_std_mps2, self.options.bias_time_constant_s
         if not (std > 0.0 and self.options.model_bias):
             return ()
@@ -87,7 +87,7 @@ class Imu(Sensor[ImuOptions]):
 
     @property
     def needs_belief(self) -> bool:
-        """Where there is a gradient, it depends on the position; who learns an error learns it from the belief."""
+        """Where there is a gradient, it depends on the position; an error is learned from the belief."""
         return bool(self.line.gradient) or self.options.learn is not None
 
     @property

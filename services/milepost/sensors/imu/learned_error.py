@@ -17,7 +17,7 @@ LONGEST_MEMORY_S = 3600.0
 
 @dataclass(frozen=True)
 class InertialErrorModel:
-    """What the data sheet says, and how to learn.
+    """The data sheet's error model, and the parameters of the learning.
 
     `bias_std` δ in m/s², `walk_std` σ in m/s²/√s, `noise_density` N in m/s²/√Hz; `window_s` T over which a sample is taken,
     `memory_s` of the forgetting, λ = exp(-T/memory). Left at 0, it is N/σ, beyond which a walk has wandered farther than the
@@ -37,7 +37,7 @@ class InertialErrorModel:
 
 
 class Window(NamedTuple):
-    """A sample in the making: since when, at what speed, and the integrals of z and of z - â since then."""
+    """The current sample: its start time and speed, and the integrals of z and of z - â since then."""
 
     begin_s: float
     speed: float
@@ -107,7 +107,7 @@ class LearnedError:
     def learn(self, t_s: float, dt_s: float, z: float, speed: float, speed_variance: float, acceleration: float) -> bool:
         """Take a reading z (mean over `dt_s`, true at `t_s`) beside the fused speed and acceleration; True with a new fit.
 
-        One that comes late teaches nothing, and costs nothing either.
+        A late reading is ignored.
         """
         window, values = self.memory.window, (z, z - acceleration)
         if window is not None and t_s <= window.last_s:
@@ -142,7 +142,7 @@ class LearnedError:
         return float(phi @ np.linalg.solve(self.memory.information, phi))
 
     def pause(self) -> None:
-        """The fused state is not to be trusted: the sample in the making is dropped, what was learned stays."""
+        """Drop the current sample because the fused state is not trusted; the learned error stays."""
         self.memory = self.memory._replace(window=None)
 
     def correction(self, t_s: float) -> tuple[float, float]:

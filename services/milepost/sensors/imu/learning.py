@@ -20,7 +20,7 @@ LEAST_VARIANCE = 1e-12
 
 
 class LearnOptions(BaseModel):
-    """When the fused state is good enough to learn from, and how.
+    """The conditions and parameters of the learning.
 
     `trusted_position_std_m`, `trusted_speed_std_mps`: beyond either it is an outage. `window_s` of a sample; `memory_s` of the
     forgetting, null: as long as the bias allows (see `InertialErrorModel`). `longest_outage_s`: up to which an outage's growing
@@ -51,7 +51,7 @@ class LearningUnit:
 
     @property
     def memory(self) -> Any:
-        """What it learned, where its time begins, and whether the fused state was good enough."""
+        """The learned error, the time at which it begins, and whether the fused state was good enough."""
         return self._learned.memory, self._origin_ns, self._trusted
 
     @memory.setter
@@ -59,25 +59,25 @@ class LearningUnit:
         self._learned.memory, self._origin_ns, self._trusted = memory
 
     def restarted(self) -> None:
-        """It learns anew: until then a reading is worth what the data sheet says."""
+        """Begin to learn again, from the data sheet's variances."""
 
     @property
     def gating(self) -> str | None:
-        """Nothing: every reading counts."""
+        """None: every reading counts."""
         return None
 
     @property
     def refused(self) -> str | None:
-        """Nothing, for the same reason."""
+        """None: every reading counts."""
         return None
 
     def notices(self) -> list[Notice]:
-        """When it stopped and began to learn."""
+        """The notices of the beginning and the end of learning."""
         out, self._notices = self._notices, []
         return out
 
     def observe(self, reading: Any, belief: Belief | None) -> Sequence[Observed]:
-        """The reading's observation, corrected."""
+        """The reading's observation, corrected by the learned error."""
         seen = self._observe(reading, belief)
         if belief is None or not seen:
             return seen

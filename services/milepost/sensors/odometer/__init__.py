@@ -1,1 +1,1 @@
-"""Wheels that count their turning: the device, slip, and the calibration that is kept."""
+"""Odometers: the pulse device, wheel slip, and the stored calibration."""

@@ -1,4 +1,4 @@
-"""A wheel's calibration as it is kept from one run to the next: written with a checksum, read with suspicion."""
+"""A wheel's calibration that is stored from one run to the next, with a checksum and a check of plausibility."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ CLOCK_NS = 60 * 10**9
 
 @dataclass(frozen=True)
 class Calibration:
-    """The scale κ of a unit's wheel against the diameter it is told, with its standard deviation, at a time."""
+    """The scale κ of a unit's wheel against the nominal diameter, with its standard deviation, at a time."""
 
     unit: str
     told_diameter_m: float
@@ -32,7 +32,7 @@ class Calibration:
 
 
 def to_bytes(calibration: Calibration) -> bytes:
-    """A JSON object with a CRC-32 of the rest, which tells an accident, not an intent."""
+    """A JSON object with a CRC-32 of the rest, which detects accidents, not forgery."""
     fields = asdict(calibration)
     return json.dumps({**fields, "crc32": _checksum(fields)}, sort_keys=True).encode()
 
@@ -56,17 +56,17 @@ def from_bytes(kept: bytes) -> Calibration:
 def as_knowledge(
     calibration: Calibration, unit: str, told_diameter_m: float, prior_std: float, now_ns: int
 ) -> tuple[float, float]:
-    """What a kept calibration adds to a prior N(0, σ₀²) of the scale: an observation of it, as value and variance.
+    """A stored calibration as an observation (value, variance) beside a prior N(0, σ₀²) of the scale.
 
-    With age d in days, σ² = 2 σ_kept² + (w d)², w the wear. The prior is in what was kept already and must not count twice:
+    With age d in days, σ² = 2 σ_kept² + (w d)², w the wear. The calibration contains the prior, which must not count twice:
     R = 1/(1/σ² - 1/σ₀²), z = κ R/σ², so that prior and observation together give κ and σ.
-    Raises ValueError saying why it cannot be used: another unit or told diameter, too old or from the future, a scale more
-    than 5 σ₀ from none, or nothing better known than the prior.
+    Raises ValueError with the reason if it is refused: another unit or nominal diameter, too old or from the future, a scale
+    beyond 5 σ₀, or a variance not below the prior's.
     """
     if calibration.unit != unit:
         raise ValueError(f"it is of {calibration.unit}")
     if calibration.told_diameter_m != told_diameter_m:
-        raise ValueError(f"it was told {1e3 * calibration.told_diameter_m:g} mm, not {1e3 * told_diameter_m:g}")
+        raise ValueError(f"its nominal diameter is {1e3 * calibration.told_diameter_m:g} mm, not {1e3 * told_diameter_m:g}")
     if calibration.saved_at_ns > now_ns + CLOCK_NS:
         raise ValueError("it is from the future")
     days = max(now_ns - calibration.saved_at_ns, 0) / DAY_NS

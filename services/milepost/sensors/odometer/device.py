@@ -1,4 +1,4 @@
-"""The simulated odometer: a wheel that wears and creeps, and two devices that make speed of its pulses."""
+"""The simulated odometer: a wheel that wears and creeps, and two devices that compute its speed from pulses."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ STEP_S = 0.02
 
 
 class DeviceOptions(Protocol):
-    """What a device must know."""
+    """The parameters of a device."""
 
     rate_hz: float
     phase_s: float
@@ -43,7 +43,7 @@ class Wheel:
         return max(self._diameter_m - self._wear_mps * t_s, 0.5 * self._diameter_m)
 
     def pulses_at(self, t_s: float) -> float:
-        """Where the wheel stands when the device is switched on: a restarted one does not know the creep before it."""
+        """The wheel's angle in pulses when the device is switched on; the creep before it is not known."""
         return self._motion.at(t_s)[0] * self._pulses_per_turn / (math.pi * self.diameter_m(t_s))
 
     def turned(self, from_s: float, to_s: float) -> float:
@@ -85,7 +85,7 @@ class _Device(PeriodicSource):
         self._pulses = wheel.pulses_at(self._t)
 
     def time_of(self, index: int) -> float:
-        """When the device really samples; never before the motion begins."""
+        """The true time of a sample; never before the motion begins."""
         t = super().time_of(index)
         if self._jitter_s:
             # the normal distribution function makes a uniform number of a normal one
@@ -105,7 +105,7 @@ class _Device(PeriodicSource):
 class TimedPulses(_Device):
     """v = q n/Δt between the last edges of two samples, each timed to τ: n is exact, R = v² τ²/(6 Δt²) + noise + e².
 
-    q = π D/N at the told diameter. Two channels tell the direction, so n is signed and counts a reversal correctly. Stamped at
+    q = π D/N at the nominal diameter. Two channels give the direction, so n is signed and counts reversals. Stamped at
     mid-interval, where the mean speed equals the speed up to e = J Δt²/24. After a bound, Δt is what is left of the interval,
     and R grows by q²/(3 Δt²). The difference of two errors uniform over τ has the variance τ²/6. Source: D (1), with the
     interval measured instead of assumed.
@@ -118,7 +118,7 @@ class TimedPulses(_Device):
         self._silence = Silence(self._t, self._pitch_m, options.limits)
 
     def sample(self, index: int, t_s: float) -> Measured | None:
-        """The mean speed between the last edges; a bound where there has been none for long enough."""
+        """The mean speed between the last edges; a bound where there has been no edge for the length of a window."""
         from_s, self._t = self._t, t_s
         edge = None
         for t0, t1 in self._wheel.legs(from_s, t_s):
@@ -160,7 +160,7 @@ class CountedPulses(_Device):
 
     A count of an interval of random phase that holds x pulses errs with variance f(1 - f), f the fraction of x; its mean
     over f is 1/6. σ_j² = jitter²/3: both ends of the interval are off. Successive errors cancel (each end is shared),
-    so that calling them white claims too little rather than too much. A count of zero is a bound over the period, which both
+    so that as white errors they are overstated rather than understated. A count of zero is a bound over the period, which both
     jitters may have shortened. Source: D (1).
     """
 

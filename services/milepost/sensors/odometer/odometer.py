@@ -1,4 +1,4 @@
-"""Odometer: pulses of a wheel's turning, its scale learned as it goes."""
+"""Odometer: pulses of a wheel, with the scale of its diameter as a private state."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ LARGEST_SCALE_STD = 0.3
 
 
 class SimulatedWheel(BaseModel):
-    """The wheel that is not there: without `diameter_m`, the true scale is drawn from the prior."""
+    """The simulated wheel; without `diameter_m`, the true scale is drawn from the prior."""
 
     model_config = STRICT
 
@@ -33,7 +33,7 @@ class SimulatedWheel(BaseModel):
 
 
 class OdometerOptions(PulseOptions):
-    """`diameter_m` is what the device is told; `scale_std` how far, relatively, the wheel may be off it.
+    """`diameter_m`: the nominal diameter; `scale_std`: the relative standard deviation of the true one from it.
 
     `timer_s`: the resolution with which the device times pulse edges; null: it only counts them in each nominal period.
     `jitter_s`: the bound of the uniform error of the times at which it samples; source D: 0.003 on 0.1 s.
@@ -55,12 +55,12 @@ class OdometerOptions(PulseOptions):
 
     @property
     def pitch_m(self) -> float:
-        """The distance q = π D/N that a pulse is told to stand for."""
+        """The nominal distance of a pulse, q = π D/N."""
         return math.pi * self.diameter_m / self.pulses_per_turn
 
 
 class Odometer(Sensor[OdometerOptions]):
-    """z = v/(1 + κ) + e: the speed of the wheel at the told diameter D, κ = D_true/D - 1; negative going backwards.
+    """z = v/(1 + κ) + e: the speed of the wheel at the nominal diameter D, κ = D_true/D - 1; negative going backwards.
 
     How it is linearised, and what early readings may claim, is in `scale.scaled_speed`. Source: D (1), (2); κ as a state is
     ours.
@@ -72,7 +72,7 @@ class Odometer(Sensor[OdometerOptions]):
 
     @property
     def private_states(self) -> tuple[PrivateState, ...]:
-        """`scale` κ: true over told diameter, less one; wear makes it a random walk."""
+        """`scale` κ: true over nominal diameter, less one; wear makes it a random walk."""
         return (PrivateState("scale", 0.0, self.options.scale_std, noise_psd=self.options.scale_noise_psd),)
 
     def observe(self, reading: Any, belief: Belief | None) -> Sequence[Observed]:
@@ -89,12 +89,12 @@ class Odometer(Sensor[OdometerOptions]):
         return (Observed((0.0, 1.0, 0.0, 0.0), 0.0, variance),)
 
     def snapshot(self, belief: Belief, at_ns: int) -> bytes | None:
-        """The scale that was learned."""
+        """The scale in the belief, to be stored."""
         std = math.sqrt(max(float(belief.covariance[SCALE, SCALE]), 0.0))
         return to_bytes(Calibration(self.unit, self.options.diameter_m, float(belief.mean[SCALE]), std, at_ns))
 
     def restore(self, kept: bytes, now_ns: int) -> Observed:
-        """The scale that was learned in an earlier run: h = [0, 0, 0, 1]."""
+        """The scale from an earlier run as an observation, h = [0, 0, 0, 1]."""
         options = self.options
         value, variance = as_knowledge(from_bytes(kept), self.unit, options.diameter_m, options.scale_std, now_ns)
         return Observed((0.0, 0.0, 0.0, 1.0), value, variance)

@@ -1,4 +1,4 @@
-"""Spin and slide of a wheel against the fused speed, and the diameter that the fused state knows."""
+"""Detection of wheel spin and slide against the fused speed, and reports of the wheel's diameter."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ REASONS = {"wheel_spin": "spinning", "wheel_slide": "sliding"}
 
 
 class SlipOptions(BaseModel):
-    """When a wheel is said to slip, and when its readings do not count.
+    """The thresholds of slip.
 
-    `spin_ratio`, `slide_ratio`: source D's λ_slip and λ_slide. `sigmas`: a reading this many standard deviations off what
-    was expected does not count; from `doubt_sigmas` on it counts for less. `hold_s`: how long a wheel must run as expected
-    before it counts again. `longest_s`: no slip lasts longer: the diameter is wrong. Below `least_speed_mps` a ratio says
-    nothing. `report_every_m`: how far apart reports of the diameter are.
+    `spin_ratio`, `slide_ratio`: source D's λ_slip and λ_slide. `sigmas`: a reading this many standard deviations from its
+    prediction does not count; from `doubt_sigmas` on its variance is raised. `hold_s`: how long the readings must agree with
+    their predictions before they count again. `longest_s`: a longer slip means a wrong diameter. Below `least_speed_mps` the
+    slip ratio is not used. `report_every_m`: the distance between reports of the diameter.
     """
 
     model_config = STRICT
@@ -41,29 +41,30 @@ class SlipOptions(BaseModel):
 
 
 class SlipMemory(NamedTuple):
-    """What the watch remembers of a wheel.
+    """The memory of a wheel's slip detector.
 
-    `off_since_s`: since when its readings do not count; `calm_since_s`: since when it has run as expected again. `slip`: the
-    event that was told; `stuck`: whether it lasted too long. `too_far_m`: how much further than the train it has run.
-    `mark`, `reported`: the places at which its diameter is reported. `refused`: why the last reading did not count.
+    `off_since_s`: since when its readings do not count; `agrees_since_s`: since when they agree with the fused speed again.
+    `slip`: the event that was reported; `too_long`: whether it lasted longer than `longest_s`. `too_far_m`: the distance that
+    the wheel ran further than the train. `mark`, `reported`: the last mark passed, and the last one with a report of the
+    diameter. `refused`: the reason for which the last reading did not count.
     """
 
     off_since_s: float | None = None
-    calm_since_s: float | None = None
+    agrees_since_s: float | None = None
     slip: str | None = None
-    stuck: bool = False
+    too_long: bool = False
     too_far_m: float = 0.0
     mark: int | None = None
     reported: int | None = None
     refused: str | None = None
 
     def gripping(self) -> SlipMemory:
-        """The same of a wheel that grips."""
+        """The memory of a wheel that grips again."""
         return SlipMemory(mark=self.mark, reported=self.reported)
 
 
 class WheelWatch:
-    """Lets a wheel's readings count while the wheel grips; its only time is that of the readings.
+    """Detects slip and refuses a slipping wheel's readings; its only time is that of the readings.
 
     With the observation z = h x + e and ν = z - h x̂, S = h P hᵀ + R against the fused belief: h has 1 for the speed, so
     ν = v_w - v̂, v_w the wheel's speed at its true diameter, and the slip ratio is λ = (v̂ - v_w)/v̂ = -ν/v̂. λ ≤ λ_slip is
@@ -73,33 +74,33 @@ class WheelWatch:
     reconstruction from its thresholds; the rest is ours.
     """
 
-    def __init__(self, observe: Observe, options: SlipOptions, told_diameter_m: float) -> None:
+    def __init__(self, observe: Observe, options: SlipOptions, nominal_diameter_m: float) -> None:
         self._observe = observe
         self._options = options
-        self._told_diameter_m = told_diameter_m
+        self._nominal_diameter_m = nominal_diameter_m
         self._notices: list[Notice] = []
         self.memory = SlipMemory()
 
     def restarted(self) -> None:
-        """A wheel that slips shows so in its first reading, against the fused state."""
+        """Do nothing: slip shows in the first reading against the fused state."""
 
     @property
     def gating(self) -> str | None:
-        """The kind of slip, or that the wheel is off, while its readings do not count."""
+        """The kind of slip, or that the wheel contradicts the fused speed, while its readings do not count."""
         return None if self.memory.off_since_s is None else REASONS.get(self.memory.slip or "", "contradicts the fused speed")
 
     @property
     def refused(self) -> str | None:
-        """Why the last reading did not count."""
+        """The reason for which the last reading did not count."""
         return self.memory.refused
 
     def notices(self) -> list[Notice]:
-        """What happened since the last time it was asked."""
+        """The notices since the last call."""
         out, self._notices = self._notices, []
         return out
 
     def observe(self, reading: Any, belief: Belief | None) -> Sequence[Observed]:
-        """The reading's observation, with the variance that it deserves; nothing while the wheel slips."""
+        """The reading's observation, with a raised variance where it is in doubt; nothing while the wheel slips."""
         observed = self._observe(reading, belief)
         if belief is None or not observed:
             return observed
@@ -113,7 +114,7 @@ class WheelWatch:
         memory = self.memory
         if memory.off_since_s is not None:
             self.memory = memory._replace(too_far_m=memory.too_far_m + nu * reading.interval_s)
-            if not (expected and self._calm(reading.measured_at_ns * 1e-9)):
+            if not (expected and self._agrees_again(reading.measured_at_ns * 1e-9)):
                 self.memory = self.memory._replace(refused=self.gating)
                 return ()
         return (Observed(row, value, max(R, (nu / self._options.doubt_sigmas) ** 2 - hPh)),)
@@ -125,26 +126,26 @@ class WheelWatch:
         v = float(belief.mean[1])
         ratio = -nu / v if abs(v) >= options.least_speed_mps else 0.0
         slip = "wheel_spin" if ratio <= options.spin_ratio else "wheel_slide" if ratio >= options.slide_ratio else None
-        slip_told, stuck = self.memory.slip, self.memory.stuck
-        if slip is not None and slip != slip_told:
-            slip_told = slip
+        reported, too_long = self.memory.slip, self.memory.too_long
+        if slip is not None and slip != reported:
+            reported = slip
             text = f"slip ratio {ratio:+.3f} at {abs(v) * 3.6:.1f} km/h: the odometer's readings do not count"
             self._notices.append(Notice("warning", slip, text))
         elif first:
             text = f"{nu:+.3f} m/s off the fused speed of {abs(v) * 3.6:.1f} km/h: the odometer's readings do not count"
             self._notices.append(Notice("info", "wheel_off", text))
-        if t_s - since_s > options.longest_s and not stuck:
-            stuck = True
-            text = f"{100.0 * abs(ratio):.2f} % off for {options.longest_s:g} s: no slip lasts so long, is the diameter right?"
+        if t_s - since_s > options.longest_s and not too_long:
+            too_long = True
+            text = f"{100.0 * abs(ratio):.2f} % off the fused speed for over {options.longest_s:g} s: is the diameter right?"
             self._notices.append(Notice("error", "wheel_doubtful", text))
-        self.memory = self.memory._replace(off_since_s=since_s, calm_since_s=None, slip=slip_told, stuck=stuck)
+        self.memory = self.memory._replace(off_since_s=since_s, agrees_since_s=None, slip=reported, too_long=too_long)
 
-    def _calm(self, t_s: float) -> bool:
-        """Whether a wheel that was off has run as expected for long enough; then it grips."""
+    def _agrees_again(self, t_s: float) -> bool:
+        """Whether the readings have agreed with the fused speed for `hold_s`; the wheel then grips."""
         memory = self.memory
-        calm_since_s = t_s if memory.calm_since_s is None else memory.calm_since_s
-        if t_s - calm_since_s < self._options.hold_s:
-            self.memory = memory._replace(calm_since_s=calm_since_s)
+        agrees_since_s = t_s if memory.agrees_since_s is None else memory.agrees_since_s
+        if t_s - agrees_since_s < self._options.hold_s:
+            self.memory = memory._replace(agrees_since_s=agrees_since_s)
             return False
         if memory.off_since_s is not None:
             text = f"after {t_s - memory.off_since_s:.1f} s; the wheel had run {memory.too_far_m:+.2f} m further than the train"
@@ -160,11 +161,11 @@ class WheelWatch:
             return
         self.memory = self.memory._replace(mark=mark)
         passed = mark if before is None else max(before, mark)
-        # a train that stands on a mark passes it for ever in what is believed of it
+        # while a train stands on a mark, its estimated position passes the mark again and again
         if before is None or passed == self.memory.reported:
             return
         self.memory = self.memory._replace(reported=passed)
-        diameter_mm = 1e3 * self._told_diameter_m * (1.0 + k)
-        std_mm = 1e3 * self._told_diameter_m * math.sqrt(float(belief.covariance[SCALE, SCALE]))
-        text = f"{diameter_mm:.2f} mm ± {std_mm:.2f} at {position:.1f} m (told {1e3 * self._told_diameter_m:.1f} mm)"
+        diameter_mm = 1e3 * self._nominal_diameter_m * (1.0 + k)
+        std_mm = 1e3 * self._nominal_diameter_m * math.sqrt(float(belief.covariance[SCALE, SCALE]))
+        text = f"{diameter_mm:.2f} mm ± {std_mm:.2f} at {position:.1f} m (nominal {1e3 * self._nominal_diameter_m:.1f} mm)"
         self._notices.append(Notice("info", "wheel_diameter", text))

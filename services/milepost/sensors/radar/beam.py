@@ -1,4 +1,4 @@
-"""What Doppler radars of one or two beams have in common: the beam, its errors, and how a filter takes a reading."""
+"""The common part of Doppler radars of one or two beams: the beam, its errors, and how a filter takes a reading."""
 
 from __future__ import annotations
 
@@ -44,8 +44,8 @@ class RadarOptions(ScaleOptions):
 
     `beam_angle_deg`: θ below the horizontal. `mounting_pitch_deg`: nose up, constant. `body_pitch_std_deg` and
     `vertical_speed_std_mps`: of the car body on its springs, first-order Markov with `body_time_constant_s`.
-    Below `dead_zone_mps` (devices: 0.05 to 0.3) the device says nothing, and no bound either: it takes a slow echo for a
-    standing one, and no echo, on water, for the same; a bound would be false at any speed there.
+    Below `dead_zone_mps` (devices: 0.05 to 0.3) the device sends no reading, and no bound either: it cannot tell a
+    slow train from a drop-out on water, where a bound would be false at any speed.
     `dropout_rate_hz`, `dropout_mean_s`: stretches without echo (water, snow); `dropout_spans_m`: places without.
     `signed: false`: it hears |v| alone. `simulated`: what the simulated radar really does, where that differs from what the
     device states and the filter believes.
@@ -161,7 +161,7 @@ def _variance(R: float, ratio: float, v: float) -> float:
 
 
 class Radar:
-    """What a simulated radar asks before it speaks: where the train is, how fast, and what the body does."""
+    """The part that simulated radars share: the train's position and speed, the body's motion and the scale."""
 
     def __init__(self, unit: str, options: RadarOptions, world: World) -> None:
         self._motion, self._options = world.motion, options
@@ -169,7 +169,7 @@ class Radar:
         self._scale = TrueScale(unit, options, options.simulated.scale, world, 1.0 / options.rate_hz)
 
     def at(self, index: int, t_s: float) -> tuple[float, float, float, float] | None:
-        """(speed, vertical speed, pitch, scale) at a reading; None where the radar can say nothing."""
+        """(speed, vertical speed, pitch, scale) at a reading; None where the radar sends no reading."""
         s, v, _ = self._motion.at(t_s)
         if abs(v) < self._options.dead_zone_mps or within(s, self._options.dropout_spans_m):
             return None
@@ -185,7 +185,7 @@ R = TypeVar("R", bound=RadarOptions)
 
 
 class RadarSensor(Sensor[R]):
-    """What radars of one or two beams have in common as sensors: h = [0, 1, 0], or `scaled_speed`'s row with a scale.
+    """The observation of radars of one or two beams: h = [0, 1, 0], or `scaled_speed`'s row with a scale.
 
     Without a sign, z = ±|v|: the belief decides where one sign is far less likely (z |v̂| > 3.8 (P_vv + R)); where it
     cannot, z = 0 with the variance R + z², which holds both.

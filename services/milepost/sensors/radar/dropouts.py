@@ -1,4 +1,4 @@
-"""Stretches in which a sensor hears nothing: at random times, or at known places."""
+"""Drop-outs of a sensor: at random times, or at known places."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ BLOCK_DURATIONS = 100.0
 
 
 class Dropouts:
-    """Whether a device is dumb at a time: stretches begin as a Poisson process, each lasts exponentially long.
+    """Random drop-outs: they begin as a Poisson process, and their durations are exponential.
 
-    `rate_hz` of beginnings λ, `mean_s` duration D: dumb for the share 1 - exp(-λ D) of all time. A function of
+    `rate_hz` of beginnings λ, `mean_s` duration D: the device is silent for the share 1 - exp(-λ D) of all time. A function of
     (seed, label, time), stationary from time 0 on.
     """
 
@@ -23,7 +23,7 @@ class Dropouts:
         self._stretches: list[tuple[float, float]] = []
 
     def at(self, t_s: float) -> bool:
-        """Whether it is dumb at a scenario time ≥ 0."""
+        """Whether the device is silent at a scenario time ≥ 0."""
         if self._rate == 0.0:
             return False
         block = int(t_s // self._length_s) + 1
