@@ -229,3 +229,26 @@ def test_ctrl_c_leaves_no_partial_file(recorded, tmp_path):
     assert "Traceback" not in done.stderr
     assert [path.name for path in tmp_path.iterdir()] == ["out.jsonl"]
     assert out.read_text(encoding="utf-8") == "the states of an earlier rerun\n"
+
+
+@pytest.mark.parametrize(("name", "says"), [("metro", "other_train"), ("maglev", "undecodable")])
+def test_a_rerun_that_used_nothing_writes_nothing_and_says_why(recorded, tmp_path, name, says):
+    recording = recorded.path if name == "metro" else ROOT / "README.md"
+    out = tmp_path / "states.jsonl"
+    out.write_text("kept\n", encoding="utf-8")
+    done = milepost("rerun", recording, "--train", name, "--out", out)
+    assert done.returncode == 1
+    assert says in done.stderr.splitlines()[-1]
+    assert out.read_text(encoding="utf-8") == "kept\n"
+
+
+def test_a_scenarios_recording_is_rerun_with_the_scenarios_train(tmp_path):
+    """The scenario lays a sharper prior over the train file; without it the first states would be wider."""
+    scenario, recording, out = tmp_path / "sharp.yaml", tmp_path / "m.jsonl", tmp_path / "states.jsonl"
+    change = "change: {prior: {position_std_m: 0.02}}"
+    scenario.write_text(f"scenario: sharp\ntrain: {TRAIN}\nduration_s: 2.0\n{change}\n", encoding="utf-8")
+    assert milepost("evaluate", scenario, "--record", recording).returncode == 0
+    done = milepost("rerun", recording, "--scenario", scenario, "--out", out)
+    assert done.returncode == 0, done.stderr
+    first = json.loads(out.read_text(encoding="utf-8").splitlines()[0])
+    assert first["covariance"][0][0] == pytest.approx(0.02**2, rel=0.5)

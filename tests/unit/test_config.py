@@ -164,8 +164,8 @@ MISTAKES = (
         {"world.motion": {"kind": "recorded", "gnss_log": "log.csv"}},
     ),
     # line
-    Mistake("line missing", "", "No such file", {"line": "no.yaml"}, file="no.yaml"),
-    Mistake("line is a folder", "", "directory", {"line": "."}, file=""),
+    Mistake("line missing", "line", "no.yaml: no such file", {"line": "no.yaml"}),
+    Mistake("line is a folder", "line", "no such file", {"line": "."}),
     Mistake("unknown key of a line", "lenght_m", "unknown key", line={"lenght_m": 1.0}, file="line.yaml"),
     Mistake("no length", "length_m", "required", line={"length_m": REMOVED}, file="line.yaml"),
     Mistake("length 0", "length_m", "greater than 0", line={"length_m": 0.0}, file="line.yaml"),
@@ -196,7 +196,7 @@ MISTAKES = (
     ),
     *(
         Mistake(f"geometry {name}", "geojson", says, line={**GEOMETRY, "geojson": f"{name}.geojson"}, file="line.yaml")
-        for name, says in (("single", "two points"), ("repeated", "same"), ("off-earth", "line.yaml"), ("nan", "line.yaml"))
+        for name, says in (("single", "two points"), ("repeated", "differ"), ("off-earth", "line.yaml"), ("nan", "line.yaml"))
     ),
     Mistake(
         "geometry empty beside a length",
@@ -223,7 +223,7 @@ GEOJSON: dict[str, Any] = {
 
 
 SUGGESTIONS = {
-    "key": ({"spede": 1}, "spede: unknown key; known are train, line, motion_model, prior, fusion, world, units"),
+    "key": ({"spede": 1}, "spede: unknown key; known keys: train, line, motion_model, prior, fusion, world, units"),
     "key of a part": ({"fusion.horizon": 5.0}, "fusion.horizon: unknown key; did you mean 'horizon_s'?"),
     "key of a sensor": ({"units.radar.rate": 9.0}, "units.radar.rate: unknown key; did you mean 'rate_hz'?"),
     "key of a motion": ({f"{WORLD}.profil": []}, "world.motion.profil: unknown key; did you mean 'profile'?"),

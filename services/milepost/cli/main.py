@@ -147,6 +147,12 @@ def rerun(
     readings: Annotated[Path, typer.Argument(help="Recorded messages: one JSON object per line, in order of arrival.")],
     out: Annotated[Path, typer.Option("--out", help="File for the settled states, one per line.")],
     train: TrainOption = DEFAULT_TRAIN,
+    scenario: Annotated[
+        Path | None,
+        typer.Option(
+            "--scenario", autocompletion=complete_scenario, help="Scenario that was recorded: its train, with its changes."
+        ),
+    ] = None,
     origin: Annotated[
         str, typer.Option("--from", help="`readings` runs filters, balise service and fuser; `estimates` the fuser alone.")
     ] = "readings",
@@ -154,7 +160,8 @@ def rerun(
     """Run recorded messages through the same nodes, faster than real time."""
     from .rerun import run_rerun
 
-    raise typer.Exit(run_rerun(readings, find_file(train, "trains"), out, origin))
+    found = None if scenario is None else find_file(scenario, "scenarios")
+    raise typer.Exit(run_rerun(readings, find_file(train, "trains"), found, out, origin))
 
 
 @app.command()

@@ -6,6 +6,7 @@ import sys
 import time
 from pathlib import Path
 
+from milepost.config.scenario_file import load_scenario
 from milepost.config.train import load_train
 from milepost.config.yaml_files import ConfigError
 from milepost.offline.message_log import Reader
@@ -17,8 +18,8 @@ from .progress import progress_bar
 ORIGINS = {"readings": ("reading",), "estimates": ("estimate", "fix")}
 
 
-def run_rerun(readings: Path, train_file: Path, out: Path, origin: str) -> int:
-    """Write the settled states of a recording. Raises ConfigError for files that cannot be used."""
+def run_rerun(readings: Path, train_file: Path, scenario: Path | None, out: Path, origin: str) -> int:
+    """Write the settled states of a recording; 1 if there are none. Raises ConfigError for files that cannot be used."""
     if origin not in ORIGINS:
         raise ConfigError("rerun", "--from", f"must be one of {', '.join(ORIGINS)}, not {origin!r}")
     if not readings.is_file():
@@ -27,7 +28,7 @@ def run_rerun(readings: Path, train_file: Path, out: Path, origin: str) -> int:
         raise ConfigError(out, "", "its folder does not exist")
     if out.is_dir():
         raise ConfigError(out, "", "is a folder")
-    train = load_train(train_file)
+    train = load_train(train_file) if scenario is None else load_scenario(scenario)[1]
     reader = Reader(readings, train, ORIGINS[origin])
     begun, count, first, last = time.perf_counter(), 0, 0, 0
     partial = out.with_name(out.name + ".partial")
@@ -42,12 +43,16 @@ def run_rerun(readings: Path, train_file: Path, out: Path, origin: str) -> int:
                     show(reader.read_bytes)
 
             replay(train, reader.messages(), origin == "estimates", settled)
-        partial.replace(out)
+        if count:
+            partial.replace(out)
     finally:
         # an interrupted rerun leaves nothing half written, and what was there before as it was
         partial.unlink(missing_ok=True)
     spent = time.perf_counter() - begun
-    print(f"{count} states of {(last - first) * 1e-9:.1f} s in {spent:.1f} s -> {out}", file=sys.stderr)
+    if count:
+        print(f"{count} states of {(last - first) * 1e-9:.1f} s in {spent:.1f} s -> {out}", file=sys.stderr)
+    else:
+        print(f"milepost: {readings}: no state came of it; nothing was written", file=sys.stderr)
     for reason, number in reader.refusals.counts.items():
         print(f"refused {number} as {reason}; first: {reader.first[reason]}", file=sys.stderr)
-    return 0
+    return 0 if count else 1

@@ -40,7 +40,9 @@ def text_of(mistake: ErrorDetails, model: type) -> str:
     kind, context, value = mistake["type"], mistake.get("ctx", {}), mistake["input"]
     if kind in UNKNOWN_KEY:
         known = known_keys(model, mistake["loc"])
-        return "unknown key" + (nearest(mistake["loc"][-1], known) or f"; known are {', '.join(known)}")
+        if not known:
+            return "unknown key; none is known here"
+        return "unknown key" + (nearest(mistake["loc"][-1], known) or f"; known keys: {', '.join(known)}")
     if kind == "union_tag_invalid":
         words = [word.strip("'") for word in context["expected_tags"].split(", ")]
         return f"{context['discriminator'].strip(chr(39))} {must_be_one_of(words, context['tag'])}"

@@ -95,6 +95,8 @@ def load_train(path: Path, change: Mapping[str, Any] | None = None, seed: int | 
     if seed is not None and content.get("world") is not None:
         content = merged(content, {"world": {"seed": seed}})
     file = validate(path, content, TrainFile)
+    if not file.line.is_file():
+        raise ConfigError(path, "line", f"{file.line}: no such file")
     line = load_line(file.line)
     sensors: dict[str, Sensor[Any]] = {}
     filters: dict[str, tuple[type[LocalFilter[Any]], Any]] = {}

@@ -38,7 +38,8 @@ class UnitRow:
 class _Unit:
     """The record of a unit.
 
-    `times` of the readings that count; `refusals` (time, reason, whether gating); `recent` h²/R of [s, v, a] of rows at `recent_ns`.
+    `times` of the readings that count; `refusals` (time, reason, whether gating); `recent` h²/R of [s, v, a] of the rows at
+    `recent_ns`.
     """
 
     row: UnitRow

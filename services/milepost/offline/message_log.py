@@ -68,6 +68,8 @@ class Reader:
             raise Refused("invalid", f"key: {key} is not below {ROOT}/TRAIN/")
         if parts[3] not in self.kinds:
             return None
+        if parts[2] != self.train.name:
+            raise Refused("other_train", f"{parts[2]} is not {self.train.name}")
         stream, unit = self._stream("/".join(parts[3:]))
         received = entry.get("received_at_ns")
         if received is not None and (type(received) is not int or received <= 0):
@@ -75,7 +77,7 @@ class Reader:
         message = from_fields(entry.get("payload"), BY_NAME[stream].message)
         if received is not None and abs(received - message.published_at_ns) > FARTHEST_NS:
             raise Refused("invalid", "received_at_ns: must be within an hour of published_at_ns")
-        if message.train != self.train.name or parts[2] != self.train.name:
+        if message.train != self.train.name:
             raise Refused("other_train", f"{message.train} is not {self.train.name}")
         if unit and message.unit != unit:
             raise Refused("other_unit", f"{key}: the payload's unit is {message.unit}")

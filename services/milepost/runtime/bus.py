@@ -30,7 +30,7 @@ log = logging.getLogger("milepost")
 HEARTBEAT_S = 0.5
 # a process that waits for a router says so after this time
 SAY_WAITING_AFTER_S = 3.0
-HOW_TO_START = "start one with `milepost up` or `milepost run router`"
+HOW_TO_START = "start one with `milepost up` or `milepost run router`, at another endpoint with `--listen`"
 # Rejected: one thread for all of Zenoh's work (ZENOH_RUNTIME with `handover`). It saves a fifth of the processor and lost
 # a hundred states in two seconds, twice in four runs.
 # the binding's stubs ask for both of two options that exclude each other
