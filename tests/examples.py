@@ -286,6 +286,19 @@ TRAIN_FILE: dict[str, Any] = {
     },
 }
 
+# an odometer whose speeds v (m/s) at times t (s) are in `wheel.csv` beside the train file
+RECORDED_ODOMETER: dict[str, Any] = {
+    "kind": "odometer",
+    "source": "recording",
+    "rate_hz": 10.0,
+    "recording": {
+        "file": "wheel.csv",
+        "time": {"column": "t"},
+        "columns": {"speed_mps": {"column": "v", "unit": "m/s"}},
+        "constants": {"speed_variance_m2ps2": 0.01, "interval_s": 0.1},
+    },
+}
+
 SCENARIO_FILE: dict[str, Any] = {"scenario": "test-run", "train": "train.yaml", "duration_s": 10.0}
 
 REMOVED = object()

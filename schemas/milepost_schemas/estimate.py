@@ -30,16 +30,14 @@ class LinearObservation(Part):
 class JudgedReading(Part):
     """A whole reading, which the fuser can linearise and judge by itself, and the filter's judgement of it.
 
-    `fields` are the reading's own, by the schema of the unit's sensor. `rows`: how many of the estimate's observations, by
-    component from 0, are this reading's. `counts`: whether the filter lets it count; `why` not, where it does not; `gating`:
-    whether it lets none count for the time being.
+    `fields` are the reading's own, by the schema of the unit's sensor. `counts`: whether the filter lets it count; `why` not,
+    where it does not; `gating`: whether it lets none count for the time being.
     """
 
     sensor_instance: Name
     reading_sequence: Count
     measured_at_ns: TimeNs
     fields: dict[str, Any]
-    rows: Count
     counts: bool
     why: str | None = None
     gating: bool = False

@@ -12,7 +12,7 @@ import pytest
 import yaml
 from harness import ROOT
 
-from examples import REMOVED, write_train
+from examples import RECORDED_ODOMETER, REMOVED, write_train
 from milepost.config.roles import processes
 from milepost.config.scenario_file import load_scenario
 from milepost.config.train import load_train
@@ -26,18 +26,6 @@ from milepost_schemas import FusedState, Truth
 DATA = ROOT.parent / "shared/data"
 TRAINS = ROOT / "deploy/trains"
 FIGURES = ["stated_position_std_m", "stated_speed_std_mps", "position_interval_m", "speed_interval_mps", "refresh_hz"]
-# 20 s of an odometer that shows 10 m/s
-ODOMETER: dict[str, Any] = {
-    "kind": "odometer",
-    "source": "recording",
-    "rate_hz": 10.0,
-    "recording": {
-        "file": "wheel.csv",
-        "time": {"column": "t"},
-        "columns": {"speed_mps": {"column": "v", "unit": "m/s"}},
-        "constants": {"speed_variance_m2ps2": 0.01, "interval_s": 0.1},
-    },
-}
 LIVE = {"kind": "gnss", "source": "receiver", "receiver": {"protocol": "nmea", "tcp": "127.0.0.1:1"}}
 
 of_a_car = pytest.mark.skipif(not (DATA / "comma2k19").is_dir(), reason="../shared/data/comma2k19, a car's, is not here")
@@ -47,7 +35,7 @@ of_a_train = pytest.mark.skipif(not (DATA / "brussels").is_dir(), reason="../sha
 def recorded_train(folder: Path, **units: dict[str, Any]) -> Path:
     """A train file with recordings and no world."""
     (folder / "wheel.csv").write_text("t,v\n" + "\n".join(f"{0.1 * k:.1f},10.0" for k in range(201)), encoding="utf-8")
-    changes = {"world": REMOVED, "fusion": {}, "units": {"odometer": ODOMETER, **units}, "prior.speed_mps": 10.0}
+    changes = {"world": REMOVED, "fusion": {}, "units": {"odometer": RECORDED_ODOMETER, **units}, "prior.speed_mps": 10.0}
     geometry = {"geojson": "l.geojson", "length_m": REMOVED}
     (folder / "l.geojson").write_text('{"type": "LineString", "coordinates": [[4.5, 50.9], [4.6, 50.9]]}', encoding="utf-8")
     return write_train(folder, changes, geometry)

@@ -16,7 +16,7 @@ from milepost.estimation.scalar import ScalarKernel
 from milepost.estimation.time_units import NS_PER_S
 from milepost.estimation.timeline import Timeline
 from milepost.nodes.judges import UnitJudge
-from milepost.nodes.observations import RESTORED_COMPONENT, as_judged, whole_readings
+from milepost.nodes.observations import RESTORED_COMPONENT, as_judged, of_estimate, whole_readings
 from milepost_schemas import Estimate, JudgedReading, LinearObservation, Refused, SpeedReading
 
 MEAN, COVARIANCE = np.array([0.0, 20.0, 0.0]), np.diag([1.0, 4.0, 0.01])
@@ -104,7 +104,7 @@ def test_what_no_judge_can_reckon_with_is_refused_and_nothing_else_happens() -> 
 
 
 def estimate(reading: SpeedReading, fields: dict[str, Any] | None = None, **changed: Any) -> Estimate:
-    judged = as_judged(reading, 1, None) | ({} if fields is None else {"fields": fields})
+    judged = as_judged(reading, True, None) | ({} if fields is None else {"fields": fields})
     row = {"sensor_instance": reading.instance, "reading_sequence": reading.sequence, "measured_at_ns": reading.measured_at_ns}
     rows = [
         LinearObservation(**row, component=component, row=[0.0, 1.0, 0.0, 0.0], value=20.0, variance=0.04)
@@ -113,24 +113,28 @@ def estimate(reading: SpeedReading, fields: dict[str, Any] | None = None, **chan
     return Estimate(**head(), belief=GAUSSIAN, observations=rows, readings=[JudgedReading(**judged)], **changed)
 
 
+def whole(said: Estimate) -> list[Observation]:
+    return whole_readings(said, 3, SpeedReading, of_estimate(said, 3))
+
+
 def test_a_reading_travels_as_the_sensor_stated_it_and_stands_for_its_rows() -> None:
     reading = SpeedReading(**head(), speed_mps=20.5, speed_variance_m2ps2=0.04)
-    whole, restored = whole_readings(estimate(reading), 3, SpeedReading)
-    assert whole.reading.speed_mps == reading.speed_mps
-    assert (whole.order, whole.identity) == (3, ("radar", reading.measured_at_ns, 0))
+    stated, restored = whole(estimate(reading))
+    assert stated.reading.speed_mps == reading.speed_mps
+    assert (stated.order, stated.identity) == (3, ("radar", reading.measured_at_ns, 0))
     assert (restored.component, restored.value) == (RESTORED_COMPONENT, 20.0)
 
 
 def test_fields_that_are_not_the_sensors_are_refused() -> None:
     reading = SpeedReading(**head(), speed_mps=20.5, speed_variance_m2ps2=0.04)
     with pytest.raises(Refused, match="speed_reading"):
-        whole_readings(estimate(reading, {"latitude_deg": 50.0}), 3, SpeedReading)
+        whole(estimate(reading, {"latitude_deg": 50.0}))
 
 
 def test_rows_without_readings_count_as_they_come() -> None:
     reading = SpeedReading(**head(), speed_mps=20.5, speed_variance_m2ps2=0.04)
     foreign = estimate(reading).model_copy(update={"readings": []})
-    assert [o.component for o in whole_readings(foreign, 3, SpeedReading)] == [0, RESTORED_COMPONENT]
+    assert [o.component for o in whole(foreign)] == [0, RESTORED_COMPONENT]
 
 
 def test_a_judge_of_a_real_wheel_remembers_what_it_is_handed() -> None:

@@ -135,7 +135,7 @@ class FilterNode(Node):
         state = self._estimator.lists_at(self._latest_ns)
         if self._sends_readings:
             observer = self._observer
-            self._unsent.append(as_judged(reading, len(observed), observer.refused, observer.gating is not None))
+            self._unsent.append(as_judged(reading, bool(observed), observer.refused, observer.gating is not None))
         # without a belief there is no estimate yet: a refused reading is sent with the first one
         return None if state is None else self._estimate(counted, *state, now_ns), refused
 

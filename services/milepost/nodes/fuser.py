@@ -104,7 +104,7 @@ class FuserNode(Node):
         belief = LocalBelief(estimate.measured_at_ns, stated.mean, stated.covariance, estimate.feedback_epoch_ns is not None)
         rows = of_estimate(estimate, order)
         try:
-            observations = rows if judge is None else whole_readings(estimate, order, judge.message)
+            observations = rows if judge is None else whole_readings(estimate, order, judge.message, rows)
             reasons = self._rule.take_estimate(estimate.unit, belief, observations, now_ns)
         except Refused as refused:
             yield from self.refuse(refused.reason, f"{estimate.unit}: {refused.detail}", now_ns)

@@ -41,8 +41,8 @@ def of_estimate(estimate: Estimate, order: int) -> list[Observation]:
     ]
 
 
-def whole_readings(estimate: Estimate, order: int, message: type[Message]) -> list[Observation]:
-    """An estimate's whole readings, which the fuser judges, and the rows that belong to none of them.
+def whole_readings(estimate: Estimate, order: int, message: type[Message], rows: list[Observation]) -> list[Observation]:
+    """An estimate's whole readings, which the fuser judges, and those of its `rows` that belong to none of them.
 
     Raises Refused for fields that are not in the schema `message`.
     """
@@ -55,19 +55,17 @@ def whole_readings(estimate: Estimate, order: int, message: type[Message]) -> li
             Observation(r.measured_at_ns, order, r.reading_sequence, r.sensor_instance, 0, estimate.unit, (), reading=reading)
         )
     stated = {(o.instance, o.sequence) for o in out}
-    rows = of_estimate(estimate, order)
     return out + [o for o in rows if o.component >= RESTORED_COMPONENT or (o.instance, o.sequence) not in stated]
 
 
-def as_judged(reading: Message, rows: int, why: str | None, gating: bool = False) -> dict[str, Any]:
+def as_judged(reading: Message, counts: bool, why: str | None, gating: bool = False) -> dict[str, Any]:
     """A reading and its filter's judgement as the fields of a JudgedReading."""
     return {
         "sensor_instance": reading.instance,
         "reading_sequence": reading.sequence,
         "measured_at_ns": reading.measured_at_ns,
         "fields": {name: value for name, value in reading.__dict__.items() if name not in HEAD and value is not None},
-        "rows": rows,
-        "counts": rows > 0,
+        "counts": counts,
         "why": why,
         "gating": gating,
     }
