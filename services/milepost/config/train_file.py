@@ -87,6 +87,8 @@ class FusionFile(BaseModel):
     feedback_every: Annotated[int, Field(ge=1, le=1000)] = 1
     shares: SharesFile = Field(default_factory=dict)
     interval_sigmas: Positive = 5.0
+    false_alarms_per_hour: Positive = 0.01
+    integrity_risk_per_hour: Positive = 1e-4
     lost_above_m: Positive = 100.0
 
     @model_validator(mode="after")

@@ -10,18 +10,22 @@ import numpy as np
 
 from milepost.estimation.time_units import S_PER_NS
 
+from .bank import Bank, BankKernel, protected
 from .estimator import Estimator, Prior, kernel_for
 from .federated import fuse
-from .judging import Judge, Judged, JudgingKernel, Verdict
+from .hypotheses import Doubts
 from .kalman import update
 from .layout import COMMON, Array, Layout
 from .motion import transition
 from .observation import Identity, Observation, Place, untimely
+from .readings import Judge
 from .timeline import Counters
+from .verdicts import Reset, Verdict
 
 # deleting from the front of a list costs its length, so it is done for many entries at once
 FORGET_AT_LEAST = 64
 NO_JUDGES: Mapping[str, Judge] = {}
+NO_DOUBTS = Doubts()
 
 
 class LocalBelief(NamedTuple):
@@ -34,12 +38,19 @@ class LocalBelief(NamedTuple):
 
 
 class Fused(NamedTuple):
-    """A fused mean and covariance, the judges' last verdicts by unit, and the time of the first fused state."""
+    """A fused mean and covariance, the last verdicts by unit, and the time of the first fused state.
+
+    `bounds` (min, max) of position and speed over all hypotheses; None where the rule has none. `doubted`: the units of which
+    one lies, and nothing tells which. `reset`: the last step by more than the state's own uncertainty.
+    """
 
     mean: list[float]
     covariance: list[list[float]]
     verdicts: Mapping[str, Verdict]
     since_ns: int
+    bounds: tuple[tuple[float, float], tuple[float, float]] | None = None
+    doubted: tuple[str, ...] = ()
+    reset: Reset | None = None
 
     @property
     def speed_mps(self) -> float:
@@ -90,11 +101,12 @@ class InformationFusion:
         horizon_ns: int,
         feedback: bool,  # noqa: ARG002
         judges: Mapping[str, Judge] = NO_JUDGES,
+        doubts: Doubts = NO_DOUBTS,
     ) -> None:
-        def judging(layout: Layout, q: float) -> JudgingKernel:
-            return JudgingKernel(kernel_for(layout, q), layout, judges)
+        def bank(layout: Layout, q: float) -> BankKernel:
+            return BankKernel(layout, q, judges, doubts)
 
-        self.estimator = Estimator(layout, jerk_psd, prior, horizon_ns, kernels=judging)
+        self.estimator = Estimator(layout, jerk_psd, prior, horizon_ns, kernels=bank)
         self.names = layout.names
         self.counters = self.estimator.counters
 
@@ -118,11 +130,12 @@ class InformationFusion:
 
     def state_at(self, at_ns: int, shares: Mapping[str, float]) -> Fused | None:  # noqa: ARG002
         """The belief over all states from all observations until then."""
-        judged: Judged | None = self.estimator.raw_at(at_ns)
-        if judged is None or judged.since_ns is None:
+        bank: Bank | None = self.estimator.raw_at(at_ns)
+        if bank is None or bank.since_ns is None:
             return None
-        mean, covariance = self.estimator.kernel.lists(judged)
-        return Fused(mean, covariance, judged.verdicts, judged.since_ns)
+        mean, covariance = self.estimator.kernel.lists(bank)
+        bounds = protected(bank, 0), protected(bank, 1)
+        return Fused(mean, covariance, bank.verdicts, bank.since_ns, bounds, bank.doubted, bank.reset)
 
     def advance_to(self, now_ns: int) -> None:
         """Fold settled observations into the base."""
@@ -149,6 +162,7 @@ class FederatedFusion:
         horizon_ns: int,
         feedback: bool,
         judges: Mapping[str, Judge] = NO_JUDGES,  # noqa: ARG002
+        doubts: Doubts = NO_DOUBTS,  # noqa: ARG002
     ) -> None:
         self.names = list(COMMON)
         self.counters = Counters()

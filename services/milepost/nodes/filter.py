@@ -175,8 +175,8 @@ class FilterNode(Node):
             self.refusals.add("duplicate" if epoch == self._feedback.measured_at_ns else "superseded")
             return
         # An excluded unit has share 0 and takes no feedback, with two exceptions: the first feedback, to begin from, and
-        # feedback to an observer that is gating, which must see when its readings agree with the fused state again.
-        if share <= 0.0 and (self._feedback is None or self._observer.gating):
+        # feedback to an observer that judges by it, which must see when its readings agree with the fused state again.
+        if share <= 0.0 and (self._feedback is None or self._observer is not self._sensor):
             share = self._estimator.share
         if share < LEAST_SHARE:
             return

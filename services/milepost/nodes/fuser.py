@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 
 import numpy as np
 
 from milepost.estimation.fusion import RULES, Fused, LocalBelief
 from milepost.estimation.observation import FUTURE_NS, Observation
+from milepost.estimation.verdicts import Verdict
 from milepost.track.line import Line
 from milepost_schemas import AbsoluteFix, Estimate, Feedback, FusedState, Gaussian, Message, Refused
 
@@ -33,7 +34,13 @@ class FuserNode(Node):
         self.subscriptions = [Subscription("estimate"), Subscription("fix")]
         self._settings = settings
         self._rule = RULES[settings.rule](
-            settings.layout, settings.jerk_psd, settings.prior, settings.horizon_ns, settings.feedback, settings.judges
+            settings.layout,
+            settings.jerk_psd,
+            settings.prior,
+            settings.horizon_ns,
+            settings.feedback,
+            settings.judges,
+            settings.doubts,
         )
         self._roster = Roster(settings.units, settings.shares, settings.deadline_ns)
         self._orders = {row.unit: row.order for row in settings.units}
@@ -198,8 +205,13 @@ class FuserNode(Node):
         if fused is None:
             return None
         if presence is None or roster.follows_state:
-            presence = roster.at(epoch_ns, live, fused.verdicts, fused.speed_mps, fused.variances)
+            presence = roster.at(epoch_ns, live, self._verdicts(fused), fused.speed_mps, fused.variances)
         return fused, presence
+
+    def _verdicts(self, fused: Fused) -> Mapping[str, Verdict]:
+        """The fuser's own verdicts; of a unit that its filter judges, only that it is excluded."""
+        filtered = {row.unit for row in self._settings.units if row.fused} - self._settings.judges.keys()
+        return {unit: v for unit, v in fused.verdicts.items() if v.excluded is not None or unit not in filtered}
 
     def _publish(self, epoch_ns: int, missing: list[str], now_ns: int) -> Iterator[Output]:
         made = self._fuse(epoch_ns, True, self._fused_before)

@@ -51,10 +51,15 @@ class StateWriter:
         inside = abs(s) < FARTHEST_M and abs(v) < FASTEST_MPS
         if not inside:
             s, v = min(max(s, -FARTHEST_M), FARTHEST_M), min(max(v, -FASTEST_MPS), FASTEST_MPS)
-        low, high = interval(s, P[0][0], self._sigmas, line.map_accuracy_m + (last[3] if last else self._worst_accuracy_m))
-        slow, fast = interval(v, P[1][1], self._sigmas)
+        accuracy_m = line.map_accuracy_m + (last[3] if last else self._worst_accuracy_m)
+        if fused.bounds is not None and inside:
+            (low, high), (slow, fast) = fused.bounds
+            low, high = low - accuracy_m, high + accuracy_m
+        else:
+            low, high = interval(s, P[0][0], self._sigmas, accuracy_m)
+            slow, fast = interval(v, P[1][1], self._sigmas)
         latitude, longitude = line.track.locate(s) if line.track is not None else (None, None)
-        status: Status = self._status(at_ns - since_ns, high - s, presence) if inside else "lost"
+        status: Status = self._status(at_ns - since_ns, high - s, fused, presence) if inside else "lost"
         fields = {
             **head,
             "epoch": at_ns // self._period_ns,
@@ -80,11 +85,11 @@ class StateWriter:
         }
         return FusedState.model_validate(fields)
 
-    def _status(self, since_start_ns: int, reach_m: float, presence: Presence) -> Status:
+    def _status(self, since_start_ns: int, reach_m: float, fused: Fused, presence: Presence) -> Status:
         if reach_m > self._lost_above_m:
             return "lost"
         if not presence.ages_s:
             return "coasting"
         if since_start_ns < INITIALISING_NS:
             return "initialising"
-        return "degraded" if presence.excluded else "normal"
+        return "degraded" if presence.excluded or fused.doubted else "normal"

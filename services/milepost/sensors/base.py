@@ -6,8 +6,10 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar, Generic, Literal, NamedTuple, Protocol, TypeVar
+from typing import Annotated, Any, ClassVar, Generic, Literal, NamedTuple, Protocol, TypeVar
 
+import numpy as np
+from numpy.typing import NDArray
 from pydantic import BaseModel, Field
 
 from milepost.estimation.layout import Array, PrivateState
@@ -32,6 +34,7 @@ class SensorOptions(BaseModel):
     recording: RecordingOptions | None = None
     filter: str | dict[str, Any] | None = "kalman"
     withhold_s: list[Span] = Field(default_factory=list, description="spans [from, to) of scenario time without readings")
+    fault_probability: Annotated[float, Field(ge=0.0, lt=1.0)] | None = None
 
 
 class Simulated(BaseModel):
@@ -68,6 +71,28 @@ class WheelCreep(Protocol):
 
     def at(self, unit: str, t_s: float) -> float:
         """The creep ratio c of a unit's wheel at a scenario time: spin above 0, slide below."""
+
+
+class Stacked(NamedTuple):
+    """A row for each of H beliefs: h (H, k) or alike for all (k), z (H), R (H); `present` (H): who has it; None: all."""
+
+    row: Array
+    value: Array | float
+    variance: Array | float
+    present: NDArray[np.bool_] | None = None
+
+
+def stacked(each: Sequence[Sequence[Observed]], size: int) -> list[Stacked]:
+    """The rows of one reading at H beliefs over `size` states, one beside the other."""
+    out = []
+    for component in range(max(map(len, each))):
+        h, z, R = np.zeros((len(each), size)), np.zeros(len(each)), np.ones(len(each))
+        present = np.array([component < len(found) for found in each])
+        for i, found in enumerate(each):
+            if present[i]:
+                h[i], z[i], R[i] = found[component]
+        out.append(Stacked(h, z, R, None if present.all() else present))
+    return out
 
 
 @dataclass(frozen=True)
@@ -119,6 +144,11 @@ class Sensor(ABC, Generic[O]):
     kind: ClassVar[str]
     stream: ClassVar[str]
     options_model: ClassVar[type[SensorOptions]]
+    # that such a device lies at any moment, where the train file does not say; and that all wheels of a train slip together
+    fault_probability: ClassVar[float] = 1e-4
+    slip_probability: ClassVar[float] = 0.0
+    # whether the noise of the device makes every reading another one
+    never_repeats: ClassVar[bool] = False
 
     # a sensor by itself has no memory of its readings
     memory: Any = None
@@ -152,9 +182,18 @@ class Sensor(ABC, Generic[O]):
     def observe(self, reading: Any, belief: Belief | None) -> Sequence[Observed]:
         """A reading as observations, linearised, where need be, at `belief`."""
 
+    def observe_each(self, reading: Any, means: Array, covariances: Array) -> list[Stacked]:
+        """A reading's rows at each of H beliefs, means (H, k), covariances (H, k, k): `observe`, for all at once."""
+        beliefs = map(Belief, means, covariances)
+        return stacked([self.observe(reading, belief) for belief in beliefs], means.shape[1])
+
     def observer(self) -> Observer:
         """The observer in a filter's process: the sensor itself, where no memory is needed."""
         return self
+
+    def model(self) -> Observer:
+        """How the fuser observes: the sensor itself where a reading says all there is to say, else an observer."""
+        return self.observer()
 
     def snapshot(self, belief: Belief, at_ns: int) -> bytes | None:  # noqa: ARG002
         """The calibration in a belief that is stored for the next run; None where there is none."""
