@@ -399,12 +399,12 @@ SCENARIO_MISTAKES: dict[str, tuple[dict[str, Any], str, str]] = {
     "fault that does not fit": (
         {"variants": {"v": {"faults": [{"unit": "radar", "kind": "jump", "from_s": 1.0, "size": 1.0}]}}},
         "variants.v.faults.0.kind",
-        "radar: jump does not fit a speed_reading",
+        "radar: jump does not fit speed_reading",
     ),
     "fault of an estimator that does not fit": (
         {"estimators": {"e": {"faults": [{"unit": "radar", "kind": "spin", "from_s": 1.0, "ratio": 1.0}]}}},
         "estimators.e.faults.0.kind",
-        "spin does not fit a doppler_radar, but odometer",
+        "spin does not fit doppler_radar, but odometer",
     ),
 }
 
