@@ -8,6 +8,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pydantic import ValidationError
 from pydantic_core import PydanticUndefined
 
 from examples import T0, examples_of, surveyed_line, world
@@ -16,8 +19,8 @@ from milepost.config.faults import check_faults
 from milepost.config.train import load_train
 from milepost.config.yaml_files import ConfigError
 from milepost.sensors import SENSORS
-from milepost.simulation.faults import FAULTS, FaultEntry, FaultKind, Injection, Surroundings
-from milepost_schemas import BY_NAME, STREAMS, decode, encode
+from milepost.simulation.faults import FAULTS, FaultEntry, FaultKind, Injection, Link, Surroundings
+from milepost_schemas import BY_NAME, STREAMS, Message, decode, encode
 
 ROOT = Path(__file__).resolve().parents[2]
 LINE = surveyed_line()
@@ -93,6 +96,26 @@ def test_a_fault_fits_the_units_that_it_says_and_no_others(row: FaultKind) -> No
             continue
         with pytest.raises(ConfigError, match=rf"full.yaml: faults\.0\.kind: {unit}: {row.name} does not fit"):
             check_faults(train, [entry(row, unit)], train.path, "faults")
+
+
+@each_row
+@given(data=st.data())
+def test_no_option_makes_a_sensor_fail(row: FaultKind, data: st.DataObject) -> None:
+    """Any options are refused, or make valid messages, or messages that are refused as invalid."""
+    numbers = {name: data.draw(st.floats()) for name in required(row)}
+    try:
+        fault = FaultEntry.model_validate({"unit": "u1", "kind": row.name, "from_s": 0.0, **numbers})
+    except ValidationError:
+        return
+    for stream in row.streams:
+        injection, link = Injection(around(stream, row), T0, [fault]), Link[Message]()
+        for reading in examples_of(BY_NAME[stream]) * 2:
+            try:
+                sent = injection.send(reading)
+            except ValidationError:
+                continue
+            for message, delay_s in sent:
+                link.send(message, delay_s, T0)
 
 
 def test_the_command_lists_every_kind_with_every_option(capsys: pytest.CaptureFixture[str]) -> None:
