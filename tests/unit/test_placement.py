@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from statistics import NormalDist
+
 import pytest
 
 from milepost.track.line import Balise, Line
@@ -46,8 +48,6 @@ def test_the_position_is_carried_with_the_covariance() -> None:
 
 
 def test_the_limit_follows_from_the_false_alarm_probability() -> None:
-    from statistics import NormalDist
-
     outside = 2.0 * (1.0 - NormalDist().cdf(LIMIT_SIGMAS))
     assert 0.5 * outside**2 == pytest.approx(FALSE_ALARM)
 
@@ -97,3 +97,13 @@ def test_a_state_without_the_fix_is_no_beginning_of_a_section() -> None:
         known = belief(10.0 * k, at_m, BEFORE_M2)
         placement.believe(known, known.at_ns)
         assert placement.passed(k, known.at_ns, READER_M2, known.at_ns) is None
+
+
+def test_a_state_older_than_the_last_one_is_not_used() -> None:
+    placement = Placement(LINE)
+    for k, (early_m, late_m) in enumerate(((0.0, 100.0), (0.0, 200.0), (-50.0, 300.0), (50.0, 400.0))):
+        for known in (belief(10.0 * k, late_m, BEFORE_M2), belief(10.0 * k - 0.5, late_m + early_m, BEFORE_M2)):
+            placement.believe(known, known.at_ns)
+        assert placement.passed(k, T0 + 10 * k * S, READER_M2, T0 + 10 * k * S) is None
+        entered = belief(10.0 * k + 0.1, late_m, AFTER_M2)
+        placement.believe(entered, entered.at_ns)

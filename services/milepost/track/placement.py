@@ -84,7 +84,9 @@ class Placement:
     _bent: bool = field(init=False, default=False)
 
     def believe(self, belief: Belief, published_ns: int) -> None:
-        """Take the next fused state."""
+        """Take the next fused state; one that is older than the last is not used."""
+        if self._belief is not None and belief.at_ns <= self._belief.at_ns:
+            return
         passage = self._passage
         if passage is not None and passage.after is None and min(published_ns, belief.at_ns) >= passage.enters_ns:
             passage.after = belief.position_at(passage.at_ns)
