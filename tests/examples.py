@@ -121,9 +121,20 @@ EXAMPLES: dict[str, tuple[Message, ...]] = {
             position_m=1200.0,
             position_variance_m2=0.0004,
             location_accuracy_m=0.05,
+            doubtful="balise_early: 2.00 m before its window",
         ),
     ),
-    "feedback": (Feedback(**head("fuser"), fused=GAUSSIAN, shares={"radar": 0.75, "loop": 0.25}),),
+    "feedback": (
+        Feedback(
+            **head("fuser"),
+            fused=GAUSSIAN,
+            shares={"radar": 0.75, "loop": 0.25},
+            position_min_m=1224.25,
+            position_max_m=1244.0,
+            speed_min_mps=15.0,
+            speed_max_mps=25.5,
+        ),
+    ),
     "state": (
         FusedState(
             **head("fuser"),

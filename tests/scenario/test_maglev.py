@@ -201,7 +201,7 @@ class TestLateBaliseTelegram:
         late = travel(18.0, {"sensor-balise-reader": delayed(5.5, 7.0, 12.0)})
         never = travel(18.0, {"sensor-balise-reader": silent(7.0, 12.0)})
         assert late.fuser.refusals.counts == {"too_old": 1}
-        assert [e.code for e in late.events] == ["refused_too_old"]
+        assert [e.code for e in late.events] == ["balise_missed", "refused_too_old"]
         assert late.settled_bytes() == never.settled_bytes()
 
 

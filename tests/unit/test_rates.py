@@ -38,7 +38,9 @@ def test_the_default_trains_rates_are_those_of_its_units_and_epochs() -> None:
 
 def test_streams_paced_by_events_have_no_rate() -> None:
     found = rates(load_train(FULL))
-    assert found["sensor-balise-reader"] == found["balise"] == found["filter-loop"] == {}
+    assert found["sensor-balise-reader"] == found["filter-loop"] == {}
+    # feedback wakes the balise service
+    assert found["balise"] == {"feedback": 50.0}
 
 
 @pytest.mark.parametrize(

@@ -20,6 +20,7 @@ from .state_writer import StateWriter
 
 # live epochs older than this are skipped
 BACKLOG_NS = 1_000_000_000
+INTERVAL = ("position_min_m", "position_max_m", "speed_min_mps", "speed_max_mps")
 # how long the first epoch waits for units without any reading
 HOLD_NS = 1_000_000_000
 
@@ -151,6 +152,10 @@ class FuserNode(Node):
             yield from self.refuse("unknown_unit", f"{fix.reader} is not in the train file", now_ns)
             return
         observation = of_fix(fix, order)
+        if fix.doubtful is not None and self._rule.needs_shares:
+            # a rule without a bank of hypotheses cannot take a fix back
+            yield from self.refuse("doubtful", f"{fix.reader}: fix at {fix.balise_id}: {fix.doubtful}", now_ns)
+            return
         reason = self._rule.take_fix(observation, now_ns)
         if reason is None:
             self._writer.passed(fix)
@@ -221,11 +226,13 @@ class FuserNode(Node):
         self._fused_before = fused
         since_ns = max(fused.since_ns, self._resumed_ns)
         head = self.head("state", epoch_ns, now_ns)
-        yield Output("state", "", self._writer.write(head, fused, presence, since_ns, missing, settled=False))
+        state = self._writer.write(head, fused, presence, since_ns, missing, settled=False)
+        yield Output("state", "", state)
         if self._settings.feedback and epoch_ns // self._settings.period_ns % self._settings.feedback_every == 0:
             body = Gaussian(states=self._rule.names, mean=fused.mean, covariance=fused.covariance)
             head = self.head("feedback", epoch_ns, now_ns)
-            self._feedback = Feedback(**head, fused=body, shares=dict(presence.shares))
+            interval = {name: getattr(state, name) for name in INTERVAL}
+            self._feedback = Feedback(**head, fused=body, shares=dict(presence.shares), **interval)
             yield Output("feedback", "", self._feedback)
 
     def settled_states(self, now_ns: int | None) -> Iterator[FusedState]:
