@@ -55,7 +55,7 @@ def run_plan(plan: Plan, also: Tap | None, progress: ProgressCallback) -> Run:
 def _run_case(plan: Plan, case: Case, also: Tap | None, progress: ProgressCallback) -> tuple[dict[str, Any], RunLog, Traces]:
     duration_s = plan.scenario.duration_s
     log = RunLog(case.train, also)
-    simulate(case.train, duration_s, log.tap, log.keep, progress)
+    simulate(case.train, duration_s, log.tap, log.keep, progress, case.faults)
     if log.truth and log.truth.keys().isdisjoint(log.live):
         raise ConfigError(plan.path, "duration_s", "the run ends before there is a state to be compared with the truth")
     if not log.live:
@@ -65,7 +65,8 @@ def _run_case(plan: Plan, case: Case, also: Tap | None, progress: ProgressCallba
         traces["fused"] = _of_run(log, settled=True)
     for done, (name, train) in enumerate(case.comparators.items(), start=1):
         comparator = RunLog(train)
-        simulate(train, duration_s, comparator.tap, None, later(progress, done * duration_s))
+        suffers = case.own_faults.get(name, case.faults)
+        simulate(train, duration_s, comparator.tap, None, later(progress, done * duration_s), suffers)
         traces[name] = _of_run(comparator, settled=False)
     if "centralised" in case.compare:
         traces["centralised"] = _centralised(log, None)
