@@ -24,6 +24,7 @@ from milepost_schemas import (
     BaliseTelegram,
     Estimate,
     Event,
+    FaultCommand,
     Feedback,
     FusedState,
     Gaussian,
@@ -162,6 +163,17 @@ EXAMPLES: dict[str, tuple[Message, ...]] = {
             step_us=Spread(p50=20.0, p99=45.5, max=300.25),
             latency_ms=Spread(p50=0.25, p99=1.5, max=9.75),
         ),
+    ),
+    "chaos": (
+        FaultCommand(
+            **head(),
+            kind="wrong_balise",
+            for_s=2.5,
+            numbers={"offset_m": 10.5},
+            words={"says": "b00013"},
+            flags={"once": False},
+        ),
+        FaultCommand(**head()),
     ),
     "truth": (Truth(**head("world"), position_m=1234.0, speed_mps=20.0, acceleration_mps2=0.0625),),
 }

@@ -223,7 +223,7 @@ GEOJSON: dict[str, Any] = {
 
 
 SUGGESTIONS = {
-    "key": ({"spede": 1}, "spede: unknown key; known keys: train, line, motion_model, prior, fusion, world, units"),
+    "key": ({"spede": 1}, "spede: unknown key; known keys: train, chaos, line, motion_model, prior, fusion, world, units"),
     "key of a part": ({"fusion.horizon": 5.0}, "fusion.horizon: unknown key; did you mean 'horizon_s'?"),
     "key of a sensor": ({"units.radar.rate": 9.0}, "units.radar.rate: unknown key; did you mean 'rate_hz'?"),
     "key of a motion": ({f"{WORLD}.profil": []}, "world.motion.profil: unknown key; did you mean 'profile'?"),
@@ -399,12 +399,12 @@ SCENARIO_MISTAKES: dict[str, tuple[dict[str, Any], str, str]] = {
     "fault that does not fit": (
         {"variants": {"v": {"faults": [{"unit": "radar", "kind": "jump", "from_s": 1.0, "size": 1.0}]}}},
         "variants.v.faults.0.kind",
-        "radar: jump does not fit a speed_reading",
+        "radar: jump does not fit speed_reading",
     ),
     "fault of an estimator that does not fit": (
         {"estimators": {"e": {"faults": [{"unit": "radar", "kind": "spin", "from_s": 1.0, "ratio": 1.0}]}}},
         "estimators.e.faults.0.kind",
-        "spin does not fit a doppler_radar, but odometer",
+        "spin does not fit doppler_radar, but odometer",
     ),
 }
 

@@ -13,6 +13,7 @@ from milepost.config.shipped_files import find_file
 from milepost.runtime.launch import exit_code
 from milepost.runtime.zenoh_config import DEFAULT_ENDPOINT
 
+from .inject_command import FREE_OPTIONS, inject
 from .options import ConnectOption, JsonOption, StateDirOption, TrainOption, complete_scenario, show_versions
 
 DEFAULT_TRAIN = Path("full")
@@ -76,6 +77,9 @@ def status(
     from .status import run_status
 
     raise typer.Exit(run_status(connect, as_json, timeout))
+
+
+app.command(context_settings=FREE_OPTIONS)(inject)
 
 
 @app.command()

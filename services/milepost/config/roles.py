@@ -90,7 +90,9 @@ def _sensor(train: Train, unit: str, setting: Setting) -> Node:
         raise ConfigError(train.path, f"units.{unit}", str(error)) from error
     node = SensorNode(train.name, setting.instance, sensor, source, setting.start_ns)
     faults = [fault for fault in setting.faults if fault.unit == unit]
-    return FaultySensor(node, injection(train, unit, setting.world, setting.start_ns, faults)) if faults else node
+    if not (faults or train.file.chaos):
+        return node
+    return FaultySensor(node, injection(train, unit, setting.world, setting.start_ns, faults), train.file.chaos)
 
 
 def _filter(train: Train, unit: str, setting: Setting) -> Node:

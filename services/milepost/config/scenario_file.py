@@ -90,8 +90,9 @@ class ClaimFile(BaseModel):
 class ScenarioFile(BaseModel):
     """An evaluation: a train, changes to its file, a duration, the estimators to compare, scores and claims.
 
-    `needs`: files without which the scenario is skipped. `seeds`: the largest number of seeds that differ. `faults`: of the units'
-    sensors, the same for all estimators. `scores`: the key in the results → {`score`: a row of the table of scores, where the key is not its name; `within`: a window; its options}.
+    `needs`: files without which the scenario is skipped. `seeds`: the largest number of seeds that differ. `faults`: of the
+    units' sensors, the same for all estimators. `scores`: the key in the results → {`score`: a row of the table of scores,
+    where the key is not its name; `within`: a window; its options}.
     """
 
     model_config = STRICT

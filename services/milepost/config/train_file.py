@@ -113,10 +113,11 @@ class MotionModelFile(BaseModel):
 
 
 class TrainFile(BaseModel):
-    """A train: its line, its units in order, how they are fused."""
+    """A train: its line, its units in order, how they are fused. `chaos`: whether faults may be injected while it runs."""
 
     model_config = STRICT
     train: Name
+    chaos: bool = False
     line: DataPath
     motion_model: MotionModelFile
     prior: PriorFile
