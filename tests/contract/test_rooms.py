@@ -16,6 +16,7 @@ SCHEMAS = ROOT / "schemas" / "milepost_schemas"
 FLOORS = (
     "cli",
     "evaluation",
+    "checks",
     "runtime",
     "offline",
     "config",

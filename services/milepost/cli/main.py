@@ -201,7 +201,7 @@ def observe(
     name: Annotated[str, typer.Option("--name")] = "*",
 ) -> None:
     """Listen from outside until stopped, then write a report."""
-    from milepost.evaluation.live import run_observe
+    from milepost.runtime.observer import run_observe
 
     run_observe(connect, name, report, stalls)
 
@@ -209,7 +209,7 @@ def observe(
 @app.command(**HIDDEN)  # type: ignore[arg-type]
 def sentinel(stalls: Annotated[Path, typer.Option("--stalls")]) -> None:
     """Record when the machine delays a process: sleep a millisecond at a time and note longer gaps."""
-    from milepost.evaluation.stalls import run_sentinel
+    from milepost.runtime.stalls import run_sentinel
 
     run_sentinel(stalls)
 

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from milepost.checks.figures import check_all
 from milepost.config.roles import full_layout, prior
 from milepost.config.yaml_files import ConfigError
 from milepost.estimation.centralised import centralised
@@ -89,6 +90,9 @@ def _figures(plan: Plan, case: Case, log: RunLog, traces: Traces) -> dict[str, A
     result: dict[str, Any] = {"estimators": estimators}
     if not log.truth:
         result["not_scored"] = NOT_SCORED
+    checks = {name: check_all(trace) for name, trace in traces.items()}
+    if any(checks.values()):
+        result["checks"] = {name: found for name, found in checks.items() if found}
     if {"fused", "centralised"} <= set(traces):
         ours, best = estimators["fused"], estimators["centralised"]
         if log.truth:
@@ -116,7 +120,8 @@ def _requested(case: Case, name: str, traces: Traces, world: World | None) -> di
 
 def _of_run(log: RunLog, settled: bool) -> Trace:
     states, names = log.settled if settled else log.live, full_layout(log.train).names
-    trace = trace_of_states(states, log.truth, OFFLINE_START_NS, log.live, log.private, names)
+    known_to_m = {balise.balise_id: balise.location_accuracy_m for balise in log.train.line.balises}
+    trace = trace_of_states(states, log.truth, OFFLINE_START_NS, log.live, log.private, names, known_to_m)
     counted = {unit: (np.array(sorted(times)) - OFFLINE_START_NS) * S_PER_NS for unit, times in log.counted.items()}
     return replace(trace, counted=counted)
 
