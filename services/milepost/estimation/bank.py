@@ -400,8 +400,8 @@ def _led(state: Bank, row: int, at_ns: int, reason: str) -> Bank:
 
 
 def protected(state: Bank, place: int) -> tuple[float, float]:
-    """[min, max] of the state at `place` over all hypotheses that are not refuted: the union of x_h ± K_h σ_h."""
-    alive = state.alive
-    reach = state.rows.reach(alive)[alive] * np.sqrt(state.P[alive, place, place])
-    centre = state.x[alive, place]
+    """[min, max] of the state at `place` over the hypotheses that are not refuted: the union of x_h ± K_h σ_h."""
+    held = state.rows.published(state.alive)
+    reach = state.rows.reach(state.alive)[held] * np.sqrt(state.P[held, place, place])
+    centre = state.x[held, place]
     return float((centre - reach).min()), float((centre + reach).max())

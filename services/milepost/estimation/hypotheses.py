@@ -59,21 +59,21 @@ class Doubts:
         rate = sum(s.readings_per_s for s in self.suspects)
         object.__setattr__(self, "threshold", threshold(self.false_alarms_per_hour, rate))
 
-    def sets(self, excluded: Units) -> dict[Units, float]:
+    def sets(self, excluded: Units) -> tuple[dict[Units, float], dict[Units, float]]:
         """The hypotheses beside a set of excluded units, and the probability of each.
 
-        Just these; one cause more (a unit, or a group); and two causes more where both at once are likelier than the risk of
-        a decorrelation time.
+        First just these, and one cause more (a unit, or a group); then two causes more, where both at once are likelier than
+        the risk of a decorrelation time.
         """
         causes = [(frozenset((s.unit,)), s.fault_probability) for s in self.suspects if s.fault_probability > 0.0]
         causes += self.groups
-        out = {excluded: 1.0}
+        single, pairs = {excluded: 1.0}, {}
         for units, rate in causes:
-            out.setdefault(excluded | units, rate)
+            single.setdefault(excluded | units, rate)
         for (one, rate), (other, another) in combinations(causes, 2):
-            if rate * another > self.risk:
-                out.setdefault(excluded | one | other, rate * another)
-        return out
+            if rate * another > self.risk and excluded | one | other not in single:
+                pairs.setdefault(excluded | one | other, rate * another)
+        return single, pairs
 
     @property
     def risk(self) -> float:
@@ -89,8 +89,9 @@ class Rows:
 
     def __init__(self, doubts: Doubts, excluded: Units) -> None:
         self.doubts, self.excluded = doubts, excluded
-        chances = doubts.sets(excluded)
-        self.sets, self.chances = tuple(chances), np.array(tuple(chances.values()))
+        single, pairs = doubts.sets(excluded)
+        self.sets, self.chances = (*single, *pairs), np.array((*single.values(), *pairs.values()))
+        self._single = np.arange(len(self.sets)) < len(single)
         self.places = {units: i for i, units in enumerate(self.sets)}
         self._uses: dict[str, Flags] = {}
         self._reach: dict[bytes, NDArray[np.float64]] = {}
@@ -102,8 +103,12 @@ class Rows:
             flags = self._uses[unit] = np.array([unit not in units for units in self.sets])
         return flags
 
+    def published(self, alive: Flags) -> Flags:
+        """The rows whose intervals are published together: those of one cause more than is excluded; all plausible, if row 0 is refuted."""
+        return alive & self._single if alive[0] else self.plausible(alive)
+
     def reach(self, alive: Flags) -> NDArray[np.float64]:
-        """K (H) of each row: Σ p_h · 2 Φ(-K_h) is the risk of one decorrelation time; all rows that are alive share it evenly.
+        """K (H) of each row: Σ p_h · 2 Φ(-K_h) is the risk of one decorrelation time; the published rows share it evenly.
 
         p_h is 1 for row 0 and the probability of its faults for each other row, and relative to the likeliest once row 0 is
         refuted.
@@ -111,7 +116,7 @@ class Rows:
         key = alive.tobytes()
         reach = self._reach.get(key)
         if reach is None:
-            risk = self.doubts.risk * self.chances[alive].max(initial=0.0) / max(1, int(alive.sum()))
+            risk = self.doubts.risk * self.chances[alive].max(initial=0.0) / max(1, int(self.published(alive).sum()))
             reach = self._reach[key] = np.array([normal_reach(risk / p) for p in self.chances])
         return reach
 
