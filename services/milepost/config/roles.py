@@ -10,10 +10,10 @@ import numpy as np
 
 from milepost.estimation.estimator import Prior
 from milepost.estimation.filters.base import FilterSetup
-from milepost.estimation.hypotheses import Doubts, Suspect
 from milepost.estimation.layout import Layout
-from milepost.estimation.shares import FixedShares, Shares, SharesByAccuracy, SharesBySpeed, SpeedRow
 from milepost.estimation.time_units import NS_PER_S
+from milepost.fusion.hypotheses import Doubts, Suspect
+from milepost.fusion.shares import FixedShares, Shares, SharesByAccuracy, SharesBySpeed, SpeedRow
 from milepost.nodes.balise import BaliseNode
 from milepost.nodes.base import Node
 from milepost.nodes.faulty import FaultySensor

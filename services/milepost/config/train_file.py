@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BaseModel, Discriminator, Field, Tag, model_validator
 
-from milepost.estimation.fusion import RULES
+from milepost.fusion.rules import RULES
 from milepost.recordings.options import STRICT, DataPath
 from milepost_schemas.message import Name, PositionM, SpeedMps
 

@@ -12,7 +12,8 @@ from pydantic import ValidationError
 from milepost.estimation.filters.base import LocalFilter
 from milepost.estimation.layout import N_COMMON
 from milepost.estimation.observation import FUTURE_NS, Observation
-from milepost.sensors.base import Belief, Observed, Sensor
+from milepost.sensors.base import Sensor
+from milepost.sensors.observed import Belief, Observed
 from milepost_schemas import Estimate, Feedback, Message
 
 from .base import Node, Output, Subscription

@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 
-from milepost.estimation.fusion import RULES, Fused, LocalBelief
 from milepost.estimation.observation import FUTURE_NS, Observation
-from milepost.estimation.verdicts import Verdict
+from milepost.fusion.rule import Fused, LocalBelief
+from milepost.fusion.rules import RULES
 from milepost.track.line import Line
 from milepost_schemas import AbsoluteFix, Estimate, Feedback, FusedState, Gaussian, Message, Refused
 
 from .base import Node, Output, Subscription
+from .decisions import Decisions, only_decided
 from .fuser_settings import FuserSettings
 from .observations import of_estimate, of_fix, whole_readings
+from .presence import note_judgements
 from .roster import UNKNOWN, Presence, Roster
 from .state_writer import StateWriter
 
@@ -44,6 +46,8 @@ class FuserNode(Node):
             settings.doubts,
         )
         self._roster = Roster(settings.units, settings.shares, settings.deadline_ns)
+        self._decisions = Decisions(settings.doubts.threshold)
+        self._filtered = {row.unit for row in settings.units if row.fused} - settings.judges.keys()
         self._orders = {row.unit: row.order for row in settings.units}
         self._writer = StateWriter(line, settings.period_ns, settings.sigmas, settings.lost_above_m)
         self._feedback: Feedback | None = None
@@ -131,20 +135,7 @@ class FuserNode(Node):
         taken = {o.measured_at_ns for o, reason in zip(observations, reasons, strict=False) if reason is None}
         if judge is None:
             taken |= {reading.measured_at_ns for reading in estimate.readings if not reading.counts}
-        self._note_judgements(estimate, [row for row in rows if row.measured_at_ns in taken], taken)
-
-    def _note_judgements(self, estimate: Estimate, rows: list[Observation], taken: set[int]) -> None:
-        """Note the filter's judgements: shares use them, and so does the presence of units that the fuser does not judge."""
-        unit, judged = estimate.unit, {r.measured_at_ns for r in estimate.readings}
-        for reading in estimate.readings:
-            if reading.measured_at_ns in taken and reading.counts:
-                self._roster.counted(unit, reading.measured_at_ns)
-            elif reading.measured_at_ns in taken and reading.why is not None:
-                self._roster.refused(unit, reading.measured_at_ns, reading.why, reading.gating)
-        for row in rows:
-            self._roster.informed(unit, row)
-            if row.measured_at_ns not in judged:
-                self._roster.counted(unit, row.measured_at_ns)
+        note_judgements(self._roster, estimate, [row for row in rows if row.measured_at_ns in taken], taken)
 
     def _take_fix(self, fix: AbsoluteFix, now_ns: int) -> Iterable[Output]:
         order = self._orders.get(fix.reader)
@@ -210,13 +201,8 @@ class FuserNode(Node):
         if fused is None:
             return None
         if presence is None or roster.follows_state:
-            presence = roster.at(epoch_ns, live, self._verdicts(fused), fused.speed_mps, fused.variances)
+            presence = roster.at(epoch_ns, live, only_decided(fused.verdicts, self._filtered), fused.speed_mps, fused.variances)
         return fused, presence
-
-    def _verdicts(self, fused: Fused) -> Mapping[str, Verdict]:
-        """The fuser's own verdicts; of a unit that its filter judges, only that it is excluded."""
-        filtered = {row.unit for row in self._settings.units if row.fused} - self._settings.judges.keys()
-        return {unit: v for unit, v in fused.verdicts.items() if v.excluded is not None or unit not in filtered}
 
     def _publish(self, epoch_ns: int, missing: list[str], now_ns: int) -> Iterator[Output]:
         made = self._fuse(epoch_ns, True, self._fused_before)
@@ -224,6 +210,8 @@ class FuserNode(Node):
             return
         fused, presence = made
         self._fused_before = fused
+        for severity, code, text in self._decisions.news(fused):
+            yield self.event(severity, code, text, now_ns)
         since_ns = max(fused.since_ns, self._resumed_ns)
         head = self.head("state", epoch_ns, now_ns)
         state = self._writer.write(head, fused, presence, since_ns, missing, settled=False)

@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from milepost.estimation.estimator import Prior
-from milepost.estimation.hypotheses import Doubts
 from milepost.estimation.layout import Layout
-from milepost.estimation.shares import Shares
+from milepost.fusion.hypotheses import Doubts
+from milepost.fusion.shares import Shares
 
 from .judges import UnitJudge
 from .roster import UnitRow

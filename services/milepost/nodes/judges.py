@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 
 from milepost.estimation.layout import Array
-from milepost.estimation.readings import LinearRow, StackedRow
-from milepost.sensors.base import Belief, Sensor
+from milepost.fusion.readings import LinearRow, StackedRow
+from milepost.sensors.base import Sensor
+from milepost.sensors.observed import Belief
 from milepost_schemas import Message
 
 # a valid message may still hold values that the arithmetic cannot use
@@ -60,6 +61,7 @@ class UnitJudge:
         except UNUSABLE:
             return ()
         for row in rows:
-            if not (np.isfinite(row.value).all() and (LEAST_VARIANCE <= np.min(row.variance)) and np.max(row.variance) <= LARGEST_VARIANCE):
+            least, largest = np.min(row.variance), np.max(row.variance)
+            if not (np.isfinite(row.value).all() and least >= LEAST_VARIANCE and largest <= LARGEST_VARIANCE):
                 return ()
         return rows

@@ -7,9 +7,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from milepost.estimation.observation import Observation
-from milepost.estimation.shares import Shares
 from milepost.estimation.time_units import S_PER_NS
-from milepost.estimation.verdicts import Verdict
+from milepost.fusion.shares import Shares
+from milepost.fusion.verdicts import Verdict
 
 STALE_NS = 1_000_000_000
 # the window over which a unit's information is summed; twice its period where that is longer, so that it holds a reading

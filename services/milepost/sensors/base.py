@@ -6,10 +6,8 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any, ClassVar, Generic, Literal, NamedTuple, Protocol, TypeVar
+from typing import Annotated, Any, ClassVar, Generic, Literal, Protocol, TypeVar
 
-import numpy as np
-from numpy.typing import NDArray
 from pydantic import BaseModel, Field
 
 from milepost.estimation.layout import Array, PrivateState
@@ -22,6 +20,8 @@ from milepost.simulation.motion import Motion
 from milepost.simulation.noise import standard_normal
 from milepost.track.line import Line
 from milepost_schemas import BY_NAME
+
+from .observed import Belief, Observed, Stacked, stacked
 
 
 class SensorOptions(BaseModel):
@@ -51,48 +51,11 @@ def as_simulated(options: D, simulated: Simulated) -> D:
     return options.model_copy(update=simulated.model_dump(exclude_none=True))
 
 
-class Belief(NamedTuple):
-    """The belief of a unit's filter at a reading's time: mean (n), covariance (n, n) over [s, v, a, own private]."""
-
-    mean: Array
-    covariance: Array
-
-
-class Observed(NamedTuple):
-    """A reading as one scalar observation: row h over [s, v, a, own private], value z, variance R."""
-
-    row: tuple[float, ...]
-    value: float
-    variance: float
-
-
 class WheelCreep(Protocol):
     """The creep of the wheels on the rail: their surface speed is v (1 + c)."""
 
     def at(self, unit: str, t_s: float) -> float:
         """The creep ratio c of a unit's wheel at a scenario time: spin above 0, slide below."""
-
-
-class Stacked(NamedTuple):
-    """A row for each of H beliefs: h (H, k) or alike for all (k), z (H), R (H); `present` (H): who has it; None: all."""
-
-    row: Array
-    value: Array | float
-    variance: Array | float
-    present: NDArray[np.bool_] | None = None
-
-
-def stacked(each: Sequence[Sequence[Observed]], size: int) -> list[Stacked]:
-    """The rows of one reading at H beliefs over `size` states, one beside the other."""
-    out = []
-    for component in range(max(map(len, each))):
-        h, z, R = np.zeros((len(each), size)), np.zeros(len(each)), np.ones(len(each))
-        present = np.array([component < len(found) for found in each])
-        for i, found in enumerate(each):
-            if present[i]:
-                h[i], z[i], R[i] = found[component]
-        out.append(Stacked(h, z, R, None if present.all() else present))
-    return out
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from .evidence import KINDS, OUT_OF_RANGE, STUCK, window_of
+from .evidence import KINDS, OUT_OF_RANGE, STUCK, WINDOWS, window_of
 
 # a wheel whose speed differs from the train's by this part slips
 SLIP_RATIO = 0.02
@@ -20,6 +20,11 @@ class Exclusion(NamedTuple):
     innovation: float
     speed_mps: float
     slips: bool = False
+
+    @property
+    def sudden(self) -> bool:
+        """Whether a few readings told."""
+        return window_of(self.test) <= WINDOWS[0]
 
     @property
     def slipping(self) -> bool:
@@ -59,7 +64,8 @@ class Verdict(NamedTuple):
     `heard_ns`, `counted_ns`: the times of the last reading, and of the last one that counted. `gating`: the reason for which
     no reading counts at present. `refused`: the reason for which the last reading did not count. `memory` is immutable.
     `excluded`: why the unit is left out; `probation_ns`: since when it agrees again, with `agreed` readings; `relapses`: how
-    often it was excluded. `said`, `repeats`: what it said last, and how often in a row before.
+    often it was excluded. `said`, `repeats`: what it said last, and how often in a row before. `odd_ns`: the
+    times of the last readings that were refused by themselves.
     """
 
     memory: Any
@@ -73,3 +79,4 @@ class Verdict(NamedTuple):
     relapses: int = 0
     said: Any = None
     repeats: int = 0
+    odd_ns: tuple[int, ...] = ()

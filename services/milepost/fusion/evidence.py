@@ -8,7 +8,7 @@ from statistics import NormalDist
 
 import numpy as np
 
-from .layout import Array
+from milepost.estimation.layout import Array
 
 # the lengths of the windows in readings; a window forgets as λᵏ with λ = 1 - 1/length
 WINDOWS = (8.0, 64.0, 512.0)
@@ -50,7 +50,7 @@ def _scales(count: int) -> tuple[Array, Array, Array, Array]:
 def extended(sums: Array, e: Array) -> Array:
     """The sums (H, 6) over the windows after one more normalised innovation e (H)."""
     column = e[:, None]
-    out = sums * FORGET
+    out: Array = sums * FORGET
     out[:, : len(WINDOWS)] += column
     out[:, len(WINDOWS) :] += column * column
     return out

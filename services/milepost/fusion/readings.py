@@ -7,9 +7,10 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
+from milepost.estimation.layout import PLACES_OF_COMMON, Array, Layout
+from milepost.estimation.observation import Observation
+
 from .hypotheses import Flags
-from .layout import PLACES_OF_COMMON, Array, Layout
-from .observation import Observation
 
 # the fields of readings that are measured
 MEASURED = ("speed_mps", "latitude_deg", "longitude_deg", "specific_force_mps2")
@@ -67,7 +68,7 @@ class Beliefs(Protocol):
     @property
     def x(self) -> Array: ...
     @property
-    def P(self) -> Array: ...
+    def P(self) -> Array: ...  # noqa: N802
     @property
     def leader(self) -> int: ...
 

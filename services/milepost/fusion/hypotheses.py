@@ -1,4 +1,4 @@
-"""Which units may be lying: the hypotheses of the bank, and how its rows are taken over when a unit is excluded or readmitted."""
+"""Which units may be lying: the hypotheses of the bank, and how its rows are taken over."""
 
 from __future__ import annotations
 
@@ -41,10 +41,10 @@ class Suspect(NamedTuple):
 
 @dataclass(frozen=True)
 class Doubts:
-    """What is held possible: the suspects, groups of units that one cause makes lie together, and the two budgets.
+    """What is held possible, and the two budgets.
 
-    `groups`: (units, the probability that they lie together). `false_alarms_per_hour`: of the whole train. `risk_per_hour`: of the truth outside the
-    published interval.
+    `groups`: units that one cause makes lie together, and its probability. `false_alarms_per_hour`: of the whole train.
+    `risk_per_hour`: of the truth outside the published interval.
     """
 
     suspects: tuple[Suspect, ...] = ()
@@ -67,7 +67,8 @@ class Doubts:
         """
         causes = [(frozenset((s.unit,)), s.fault_probability) for s in self.suspects if s.fault_probability > 0.0]
         causes += self.groups
-        single, pairs = {excluded: 1.0}, {}
+        single: dict[Units, float] = {excluded: 1.0}
+        pairs: dict[Units, float] = {}
         for units, rate in causes:
             single.setdefault(excluded | units, rate)
         for (one, rate), (other, another) in combinations(causes, 2):
@@ -104,7 +105,11 @@ class Rows:
         return flags
 
     def published(self, alive: Flags) -> Flags:
-        """The rows whose intervals are published together: those of one cause more than is excluded; all plausible, if row 0 is refuted."""
+        """The rows whose intervals are published together.
+
+        Those of one cause more than is excluded; all that are plausible, once row 0 is refuted. Two causes at once, both not
+        found yet, are left to the tests: each is found within seconds.
+        """
         return alive & self._single if alive[0] else self.plausible(alive)
 
     def reach(self, alive: Flags) -> NDArray[np.float64]:
@@ -122,7 +127,7 @@ class Rows:
 
     def plausible(self, alive: Flags) -> Flags:
         """The rows alive that are not far less likely from the outset than another row alive."""
-        return alive & (self.chances > PLAUSIBLE * self.chances[alive].max(initial=0.0))
+        return np.asarray(alive & (self.chances > PLAUSIBLE * self.chances[alive].max(initial=0.0)))
 
     def smallest(self, rows: Flags) -> int | None:
         """The row of these whose set is contained in that of every other; None where they contradict each other."""
