@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -16,9 +16,10 @@ from .bank_state import CHANNELS, Bank
 from .evidence import SUMS, extended, statistics
 from .hypotheses import NOBODY, Doubts, Flags
 from .isolation import Finding, Isolation
-from .readings import Judge, Linear, linear_rows, said_by
+from .readings import Judge, Linear, Readings, said_by
 from .verdicts import Verdict
 
+NEVER_HEARD = Verdict(None)
 # so many refused fixes are remembered
 KEPT_ODD = 32
 
@@ -32,7 +33,7 @@ class BankKernel:
 
     def __init__(self, layout: Layout, jerk_psd: float, judges: Mapping[str, Judge], doubts: Doubts) -> None:
         self.layout, self.jerk_psd, self.doubts = layout, jerk_psd, doubts
-        self._judges = judges
+        self._judges, self._readings = judges, Readings(layout, judges)
         self._isolation = Isolation(layout, doubts)
         self._steps: dict[float, tuple[Array, Array]] = {}
 
@@ -91,32 +92,22 @@ class BankKernel:
     def take(self, state: Bank, observation: Observation) -> Bank:
         """All hypotheses after one observation, or after a whole reading."""
         unit, at_ns = observation.unit, observation.measured_at_ns
-        state = self._repeated(state, observation)
+        suspect, verdict = self.doubts.by_unit.get(unit), state.verdicts.get(unit, NEVER_HEARD)
+        if suspect is not None and suspect.never_repeats:
+            said = said_by(observation)
+            verdict = verdict._replace(
+                said=said, repeats=verdict.repeats + 1 if said is not None and said == verdict.said else 0
+            )
         if observation.reading is None:
-            row = Linear(np.array(observation.row), observation.value, observation.variance)
-            return self._counted(self._observe(state, unit, 0, row, at_ns), unit, at_ns)
-        before = state.verdicts[unit]
-        rows, memory, gating, refused = linear_rows(self._judges[unit], self.layout, unit, before.memory, observation, state)
-        heard = before._replace(memory=memory, heard_ns=at_ns, gating=gating, refused=refused)
-        state = state._replace(verdicts={**state.verdicts, unit: heard})
+            rows: Sequence[Linear] = (Linear(np.array(observation.row), observation.value, observation.variance),)
+            verdict = verdict._replace(heard_ns=at_ns)
+        else:
+            rows, memory, gating, refused = self._readings.rows(verdict.memory, observation, state.x, state.P, state.leader)
+            verdict = verdict._replace(memory=memory, heard_ns=at_ns, gating=gating, refused=refused)
+        state = state._replace(verdicts={**state.verdicts, unit: verdict})
         for component, row in enumerate(rows):
             state = self._observe(state, unit, min(component, CHANNELS - 1), row, at_ns)
-        return self._counted(state, unit, at_ns) if rows else state
-
-    def _repeated(self, state: Bank, observation: Observation) -> Bank:
-        suspect = self.doubts.by_unit.get(observation.unit)
-        if suspect is None or not suspect.never_repeats:
-            return state
-        said, verdict = said_by(observation), state.verdicts[observation.unit]
-        repeats = verdict.repeats + 1 if said is not None and said == verdict.said else 0
-        return state._replace(verdicts={**state.verdicts, observation.unit: verdict._replace(said=said, repeats=repeats)})
-
-    def _counted(self, state: Bank, unit: str, at_ns: int) -> Bank:
-        since_ns = at_ns if state.since_ns is None else state.since_ns
-        verdict = state.verdicts.get(unit, Verdict(None))._replace(heard_ns=at_ns)
-        if unit not in state.rows.excluded and verdict.refused is None:
-            verdict = verdict._replace(counted_ns=at_ns)
-        return state._replace(since_ns=since_ns, verdicts={**state.verdicts, unit: verdict})
+        return _counted(state, unit, at_ns) if rows else state
 
     def _observe(self, state: Bank, unit: str, component: int, row: Linear, at_ns: int) -> Bank:
         """Test one scalar observation against every hypothesis, and update those that use the unit."""
@@ -148,6 +139,15 @@ class BankKernel:
         taken = uses if odd is None else uses & ~odd
         after = _updated(tested, h, g, S, nu, row.R, taken)
         return self._isolation.decide(state, after, Finding(unit, at_ns, uses, worst, tests, nu))
+
+
+def _counted(state: Bank, unit: str, at_ns: int) -> Bank:
+    """Note that an observation counts, where it does."""
+    verdict = state.verdicts[unit]
+    if unit not in state.rows.excluded and verdict.refused is None:
+        verdict = verdict._replace(counted_ns=at_ns)
+    since_ns = at_ns if state.since_ns is None else state.since_ns
+    return state._replace(since_ns=since_ns, verdicts={**state.verdicts, unit: verdict})
 
 
 def _tested(state: Bank, channel: int, e: Array, nu: Array, odd: Flags | None) -> tuple[Bank, Array, Array]:

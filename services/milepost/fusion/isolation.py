@@ -121,13 +121,14 @@ class Isolation:
 
     def _excluded(self, before: Bank, state: Bank, row: int, why: Exclusion) -> Bank:
         old, units = state.rows, state.rows.sets[row]
+        seen = state.nu[0] if before.alive[0] else state.nu[row]
         state = led(state, row, why.at_ns, "excluded: " + ", ".join(sorted(units - old.excluded)))
         new = self.rows(units)
         out = recomposed(state, new, sources(new, old, state.alive, lambda s: (s,), row))
         if before.alive[0] and why.sudden:
             for unit in units - old.excluded:
                 out = self._recalled(before, out, unit)
-        return self._noted(out, units - old.excluded, why)
+        return self._noted(out, units - old.excluded, why, seen)
 
     def _recalled(self, before: Bank, state: Bank, unit: str) -> Bank:
         """A wheel that begins to slip keeps its diameter: its private states are those of row 0 before, twice as uncertain.
@@ -144,12 +145,12 @@ class Isolation:
         P[np.ix_(range(len(P)), own, own)] = 4.0 * before.P[0][np.ix_(own, own)]
         return state._replace(x=x, P=P)
 
-    def _noted(self, state: Bank, units: Units, why: Exclusion) -> Bank:
-        """Note why units are excluded, each by what it did itself; their tests begin again, on probation."""
+    def _noted(self, state: Bank, units: Units, why: Exclusion, nu: Array) -> Bank:
+        """Note why units are excluded, each by its own last innovation `nu` (channels); their tests begin again."""
         verdicts = dict(state.verdicts)
         for unit in units:
             earlier, slips = verdicts[unit], self._doubts.by_unit[unit].slips
-            own = why._replace(innovation=float(state.nu[state.leader, self._channels[unit]]), slips=slips)
+            own = why._replace(innovation=float(nu[self._channels[unit]]), slips=slips)
             verdicts[unit] = earlier._replace(
                 excluded=own, probation_ns=why.at_ns, agreed=0, relapses=earlier.relapses + 1, refused=None
             )
@@ -176,7 +177,7 @@ class Isolation:
             counts=(0,) * len(out.counts),
             reset=Reset(at_ns, abs(high - low), abs(fast - slow), "no hypothesis was left: the bank starts again"),
         )
-        return self._noted(out, units - old.excluded, why)
+        return self._noted(out, units - old.excluded, why, before.nu[best])
 
     def _probation(self, state: Bank, unit: str, worst: Array, why: Exclusion, at_ns: int) -> Bank:
         """Readmit an excluded unit that has agreed with the leading hypothesis for long enough."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -12,8 +12,8 @@ from milepost.estimation.observation import Observation
 
 from .hypotheses import Flags
 
-# the fields of readings that are measured
-MEASURED = ("speed_mps", "latitude_deg", "longitude_deg", "specific_force_mps2")
+# what readings measure, one field of each kind
+MEASURED = ("longitude_deg", "specific_force_mps2", "speed_mps")
 
 LinearRow = tuple[tuple[float, ...], float, float]
 
@@ -62,33 +62,29 @@ class Judge(Protocol):
         """A pure judge's rows at each of H beliefs, means (H, k), covariances (H, k, k); none where it is not usable."""
 
 
-class Beliefs(Protocol):
-    """Stacked beliefs."""
+class Readings:
+    """A train's readings as rows over all states. `judges`: by unit."""
 
-    @property
-    def x(self) -> Array: ...
-    @property
-    def P(self) -> Array: ...  # noqa: N802
-    @property
-    def leader(self) -> int: ...
+    def __init__(self, layout: Layout, judges: Mapping[str, Judge]) -> None:
+        self._layout, self._judges = layout, judges
+        own = {unit: np.array(layout.indices.get(unit, PLACES_OF_COMMON)) for unit in judges}
+        self._places = {unit: (places, places[:, None]) for unit, places in own.items()}
 
-
-def linear_rows(
-    judge: Judge, layout: Layout, unit: str, memory: Any, observation: Observation, beliefs: Beliefs
-) -> tuple[list[Linear], Any, str | None, str | None]:
-    """A reading's rows for every hypothesis, and what the judge says of it at the leading belief."""
-    own = list(layout.indices.get(unit, PLACES_OF_COMMON))
-    leader = beliefs.leader
-    if not judge.pure:
-        mean, covariance = beliefs.x[leader][own], beliefs.P[leader][np.ix_(own, own)]
-        rows, memory, gating, refused = judge.judge(memory, observation.reading, mean, covariance)
-        return [Linear(np.array(layout.lift(unit, h)), z, R) for h, z, R in rows], memory, gating, refused
-    out = []
-    for h, z, R, present in judge.each(observation.reading, beliefs.x[:, own], beliefs.P[:, own][:, :, own]):
-        full = np.zeros((*h.shape[:-1], layout.dimension))
-        full[..., own] = h
-        out.append(Linear(full, z, R, present))
-    return out, memory, None, None if out else "unusable"
+    def rows(
+        self, memory: Any, observation: Observation, x: Array, P: Array, leader: int
+    ) -> tuple[list[Linear], Any, str | None, str | None]:
+        """A reading's rows for the hypotheses x (H, n), P (H, n, n), and what the judge says of it at the leading one."""
+        unit, reading = observation.unit, observation.reading
+        judge, (own, column) = self._judges[unit], self._places[unit]
+        if not judge.pure:
+            rows, memory, gating, refused = judge.judge(memory, reading, x[leader, own], P[leader, column, own])
+            return [Linear(np.array(self._layout.lift(unit, h)), z, R) for h, z, R in rows], memory, gating, refused
+        out = []
+        for h, z, R, present in judge.each(reading, x[:, own], P[:, column, own]):
+            full = np.zeros((*h.shape[:-1], self._layout.dimension))
+            full[..., own] = h
+            out.append(Linear(full, z, R, present))
+        return out, memory, None, None if out else "unusable"
 
 
 def said_by(observation: Observation) -> Any:
@@ -96,5 +92,5 @@ def said_by(observation: Observation) -> Any:
     reading = observation.reading
     if reading is None:
         return observation.value
-    found = tuple(getattr(reading, name, None) for name in MEASURED)
-    return None if all(value is None for value in found) else found
+    fields = reading.__dict__
+    return next((fields[name] for name in MEASURED if fields.get(name) is not None), None)

@@ -62,6 +62,7 @@ class UnitJudge:
             return ()
         for row in rows:
             least, largest = np.min(row.variance), np.max(row.variance)
-            if not (np.isfinite(row.value).all() and least >= LEAST_VARIANCE and largest <= LARGEST_VARIANCE):
+            # a sum is finite where every value is
+            if not (math.isfinite(np.sum(row.value)) and least >= LEAST_VARIANCE and largest <= LARGEST_VARIANCE):
                 return ()
         return rows

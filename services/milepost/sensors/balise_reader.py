@@ -11,7 +11,8 @@ from milepost.recordings.measured import Measured, Source
 from milepost.simulation.motion import when_at
 from milepost.simulation.noise import WhiteNoise
 
-from .base import Belief, Observed, Sensor, SensorOptions, Simulated, World, as_simulated
+from .base import Sensor, SensorOptions, Simulated, World, as_simulated
+from .observed import Belief, Observed
 
 LOOK_AHEAD_S = 1.0
 

@@ -11,7 +11,8 @@ from pydantic import Field, model_validator
 from milepost.estimation.layout import N_COMMON, Array, PrivateState
 from milepost.simulation.noise import MarkovNoise, WalkNoise
 
-from .base import Belief, Observed, SensorOptions, Stacked, World
+from .base import SensorOptions, World
+from .observed import Belief, Observed, Stacked
 
 SCALE = N_COMMON
 

@@ -10,7 +10,8 @@ from milepost.estimation.layout import PrivateState
 from milepost.recordings.measured import Source
 from milepost_schemas import PositionReading
 
-from ..base import Belief, Observed, Sensor, World
+from ..base import Sensor, World
+from ..observed import Belief, Observed
 from .legs import Legs
 from .observer import GnssObserver
 from .options import GnssOptions

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from milepost.track.track import Projection, Track
 
-from ..base import Belief
+from ..observed import Belief
 
 # how far a belief and a fix may be from each other, in standard deviations of their difference
 BELIEF_SIGMAS = 6.0

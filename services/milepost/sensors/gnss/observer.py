@@ -9,7 +9,7 @@ from milepost.estimation.notice import Notice
 from milepost.track.track import Projection, Track
 from milepost_schemas import PositionReading
 
-from ..base import Belief, Observed
+from ..observed import Belief, Observed
 from .fix_monitor import FixMonitor, Memory
 from .fix_motion import SeenFix
 from .legs import Legs

@@ -14,7 +14,8 @@ from milepost.recordings.measured import Measured, Source
 from milepost.simulation.noise import MarkovNoise, WhiteNoise
 from milepost_schemas import InertialReading
 
-from ..base import Belief, Observed, Observer, PeriodicSource, Sensor, SensorOptions, Simulated, Stacked, World, as_simulated
+from ..base import Observer, PeriodicSource, Sensor, SensorOptions, Simulated, World, as_simulated
+from ..observed import Belief, Observed, Stacked
 from .learned_error import InertialErrorModel
 from .learning import LearningUnit, LearnOptions
 

@@ -11,7 +11,7 @@ from pydantic import BaseModel, Field
 from milepost.estimation.notice import Notice
 from milepost.recordings.options import STRICT
 
-from ..base import Belief, Observed
+from ..observed import Belief, Observed
 from .learned_error import InertialErrorModel, LearnedError, equivalent_white_variance
 
 Observe = Callable[[Any, Belief | None], Sequence[Observed]]

@@ -8,7 +8,7 @@ import numpy as np
 
 from milepost.estimation.layout import Array
 
-from ..base import Belief, Observed, Stacked
+from ..observed import Belief, Observed, Stacked
 from .options import SIGMAS
 
 SPEED = (0.0, 1.0, 0.0)

@@ -8,7 +8,8 @@ from typing import Any
 from milepost.estimation.layout import Array
 from milepost.recordings.measured import Source
 
-from ..base import Belief, Observed, Sensor, Stacked, World
+from ..base import Sensor, World
+from ..observed import Belief, Observed, Stacked
 from ..pulses import NEGLIGIBLE
 from .count import Faults, pitches
 from .direction import SPEED, signed, signed_each

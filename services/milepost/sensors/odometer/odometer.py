@@ -12,7 +12,8 @@ from milepost.estimation.layout import Array, PrivateState
 from milepost.recordings.measured import Source
 from milepost.recordings.options import STRICT
 
-from ..base import Belief, Observed, Observer, Sensor, Stacked, World
+from ..base import Observer, Sensor, World
+from ..observed import Belief, Observed, Stacked
 from ..pulses import PulseOptions
 from ..scale import SCALE, scaled_speed, scaled_speeds
 from .calibration import Calibration, as_knowledge, from_bytes, to_bytes

@@ -12,7 +12,8 @@ from milepost.estimation.layout import Array, PrivateState
 from milepost.recordings.options import Span
 from milepost.simulation.noise import MarkovNoise, WhiteNoise
 
-from ..base import Belief, Observed, Sensor, Simulated, Stacked, World, as_simulated
+from ..base import Sensor, Simulated, World, as_simulated
+from ..observed import Belief, Observed, Stacked
 from ..scale import ScaleOptions, TrueScale, scaled_speed, scaled_speeds
 from .dropouts import Dropouts, within
 
