@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from milepost.config.roles import prior
+from milepost.config.fusion_settings import prior
 from milepost.config.train import Train, load_train
 from milepost.estimation.kalman import predict, update
 from milepost.estimation.layout import Layout

@@ -9,7 +9,8 @@ import pytest
 from pydantic import ValidationError
 
 from examples import EXAMPLES, REMOVED, write_train
-from milepost.config.roles import ROLES, fuser_settings, process_name, processes
+from milepost.config.fusion_settings import fuser_settings
+from milepost.config.roles import ROLES, process_name, processes
 from milepost.config.train import load_train
 from milepost.estimation.filters import FILTERS
 from milepost.estimation.layout import COMMON

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from milepost.checks.figures import check_all
-from milepost.config.roles import full_layout, prior
+from milepost.config.fusion_settings import full_layout, prior
 from milepost.config.yaml_files import ConfigError
 from milepost.estimation.centralised import centralised
 from milepost.estimation.time_units import S_PER_NS
