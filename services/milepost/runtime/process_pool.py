@@ -32,8 +32,8 @@ def run_in_processes(
     """`work` of every task, in `jobs` processes; the results in the order of the tasks.
 
     `work` is a module's function. It is called with a task and with a function to which it says how much of the task is done,
-    at least once a second: there it learns that it was interrupted. `progress` is called with the sum over all tasks, `finished`
-    with the place of a task and its result as soon as there is one; both in this process.
+    at least once a second: there it learns that it was interrupted. `progress` is called with the sum over all tasks,
+    `finished` with the place of a task and its result as soon as there is one; both in this process.
     """
     jobs = min(jobs, len(tasks))
     return _here(work, tasks, progress, finished) if jobs <= 1 else _elsewhere(work, tasks, jobs, progress, finished)
