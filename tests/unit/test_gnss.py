@@ -17,8 +17,8 @@ from milepost.estimation.motion import process_noise, transition
 from milepost.recordings.gnss_log import read_gnss_log
 from milepost.recordings.measured import Measured
 from milepost.sensors.base import Belief, World
-from milepost.sensors.gnss.simulated import moved
 from milepost.simulation.motion import Profile, WhiteJerkMotion
+from milepost.track.earth import moved
 from milepost.track.line import Line
 from milepost.track.track import Track
 from milepost_schemas import PositionReading

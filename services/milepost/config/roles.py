@@ -15,6 +15,7 @@ from milepost.estimation.shares import FixedShares, Shares, SharesByAccuracy, Sh
 from milepost.estimation.time_units import NS_PER_S
 from milepost.nodes.balise import BaliseNode
 from milepost.nodes.base import Node
+from milepost.nodes.faulty import FaultySensor
 from milepost.nodes.filter import FilterNode
 from milepost.nodes.fuser import FuserNode
 from milepost.nodes.fuser_settings import FuserSettings
@@ -23,8 +24,10 @@ from milepost.nodes.roster import UnitRow
 from milepost.nodes.sensor import SensorNode
 from milepost.nodes.world import WorldNode
 from milepost.sensors.base import World
+from milepost.simulation.faults import FaultEntry
 from milepost_schemas import BY_NAME
 
+from .faults import injection
 from .train import Train
 from .train_file import BySpeedFile
 from .yaml_files import ConfigError
@@ -35,7 +38,7 @@ class Setting:
     """The setting of a node: its instance's name and, on a simulated train, its world and scenario time.
 
     `start_ns` is the UTC time of scenario time 0, `from_s` the scenario time at which the process begins, `until_s` the
-    scenario time at which recordings end, where they do not end before.
+    scenario time at which recordings end, where they do not end before. `faults`: what goes wrong with units' readings.
     """
 
     instance: str
@@ -43,12 +46,15 @@ class Setting:
     start_ns: int = 0
     from_s: float = 0.0
     until_s: float | None = None
+    faults: tuple[FaultEntry, ...] = ()
 
     @classmethod
-    def of(cls, train: Train, instance: str, until_s: float | None, start_ns: int = 0) -> Setting:
+    def of(
+        cls, train: Train, instance: str, until_s: float | None, start_ns: int = 0, faults: tuple[FaultEntry, ...] = ()
+    ) -> Setting:
         """A train's setting: scenario time ends at `until_s`, or where the line or the recordings end. Raises ConfigError."""
         world = train.world(until_s) if train.file.world is not None else None
-        return cls(instance, world, start_ns, until_s=until_s)
+        return cls(instance, world, start_ns, until_s=until_s, faults=faults)
 
 
 @dataclass(frozen=True)
@@ -82,7 +88,9 @@ def _sensor(train: Train, unit: str, setting: Setting) -> Node:
         source = sensor.source(setting.world, setting.from_s)
     except (ValueError, OSError) as error:
         raise ConfigError(train.path, f"units.{unit}", str(error)) from error
-    return SensorNode(train.name, setting.instance, sensor, source, setting.start_ns)
+    node = SensorNode(train.name, setting.instance, sensor, source, setting.start_ns)
+    faults = [fault for fault in setting.faults if fault.unit == unit]
+    return FaultySensor(node, injection(train, unit, setting.world, setting.start_ns, faults)) if faults else node
 
 
 def _filter(train: Train, unit: str, setting: Setting) -> Node:

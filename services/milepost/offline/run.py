@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 
+from milepost.config.faults import check_faults
 from milepost.config.roles import ROLES, Setting, processes
 from milepost.config.train import Train
 from milepost.config.yaml_files import ConfigError
@@ -12,6 +13,7 @@ from milepost.estimation.time_units import NS_PER_S
 from milepost.nodes.base import Node
 from milepost.nodes.fuser import FuserNode
 from milepost.nodes.world import WorldNode
+from milepost.simulation.faults import FaultEntry
 from milepost_schemas import FusedState, Message
 
 from .collector import rare_collection
@@ -55,14 +57,17 @@ def simulate(
     tap: Tap | None = None,
     settled: Callable[[FusedState], None] | None = None,
     progress: Callable[[float], None] | None = None,
+    faults: Sequence[FaultEntry] = (),
 ) -> None:
     """Run all processes of a simulated or replayed train for `duration_s` of scenario time, or until its world ends.
 
-    `progress` is called with the scenario time done, in seconds. Raises ConfigError for a train without scenario time.
+    `progress` is called with the scenario time done, in seconds. `faults`: what goes wrong with units' readings on their way
+    out of the sensors' processes. Raises ConfigError for a train without scenario time, and for a fault that does not fit.
     """
     if not train.has_scenario_time:
         raise ConfigError(train.path, "world", "required for an offline run without recordings")
-    setting = Setting.of(train, "offline", duration_s, OFFLINE_START_NS)
+    check_faults(train, faults, train.path, "faults")
+    setting = Setting.of(train, "offline", duration_s, OFFLINE_START_NS, tuple(faults))
     nodes = [ROLES[p.role].build(train, p.unit, setting) for p in processes(train)]
     run = OfflineRun(train, nodes, tap, settled)
     end_s = min([duration_s, *(node.end_s for node in nodes if isinstance(node, WorldNode))])

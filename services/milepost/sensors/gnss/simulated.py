@@ -10,13 +10,13 @@ from pydantic import BaseModel, Field, model_validator
 from milepost.recordings.measured import Measured
 from milepost.recordings.options import STRICT
 from milepost.simulation.noise import MarkovNoise, UniformNoise, WhiteNoise
+from milepost.track.earth import moved
 from milepost.track.line import Line
 from milepost_schemas.reading import Solution
 
 from ..base import PeriodicSource, World
 
 Std = Annotated[float, Field(gt=0.0)]
-SEMI_MAJOR_M, FLATTENING = 6_378_137.0, 1.0 / 298.257223563
 
 
 class Options(BaseModel):
@@ -149,12 +149,3 @@ def left_a_tunnel(line: Line, from_m: float, to_m: float) -> bool:
     """Whether a tunnel's end, in the direction of travel, lies between two positions."""
     low, high = min(from_m, to_m), max(from_m, to_m)
     return any(low < (end if to_m >= from_m else begin) <= high for begin, end in line.tunnels)
-
-
-def moved(latitude_deg: float, longitude_deg: float, east_m: float, north_m: float) -> tuple[float, float]:
-    """A place moved by a little on WGS84: north by the meridian's radius M, east by N cos φ."""
-    phi = math.radians(latitude_deg)
-    e2 = FLATTENING * (2.0 - FLATTENING)
-    w = math.sqrt(1.0 - e2 * math.sin(phi) ** 2)
-    meridian, normal = SEMI_MAJOR_M * (1.0 - e2) / w**3, SEMI_MAJOR_M / w
-    return latitude_deg + math.degrees(north_m / meridian), longitude_deg + math.degrees(east_m / (normal * math.cos(phi)))
