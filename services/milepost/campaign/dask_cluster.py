@@ -14,6 +14,7 @@ from .campaign import Executor
 from .task import Figures, Task, run_task
 
 CONNECT_S = 10.0
+SCHEMES = ("tcp://", "tls://", "ws://", "wss://")
 OPTION = ("campaign", "--dask")
 
 
@@ -40,7 +41,7 @@ def _run(address: str, tasks: Sequence[Task], progress: Progress, finished: Fini
         places = {future.key: place for place, future in enumerate(futures)}
         done_s = 0.0
         try:
-            for future in as_completed(futures):
+            for future in as_completed(futures, loop=client.loop):
                 place = places[future.key]
                 finished(place, _result(future, address))
                 done_s += tasks[place].duration_s
@@ -57,6 +58,8 @@ def _work(task: Task) -> Figures:
 def _client(address: str) -> Any:
     from distributed import Client
 
+    if not address.startswith(SCHEMES):
+        raise ConfigError(*OPTION, f"must be like tcp://HOST:PORT, not {address!r}")
     try:
         return Client(address, timeout=CONNECT_S, set_as_default=False)
     except (OSError, ValueError) as error:

@@ -56,19 +56,20 @@ def mark(cell: dict[str, Any]) -> Mark:
     if cell["crashed_runs"]:
         return Mark("outside", f"✗ {cell['crashed_runs']}/{cell['runs']} crashed", innocents)
     if violated(cell):
-        return Mark(
-            "outside",
-            f"✗ {cell['violation_runs']}/{cell['runs']}",
-            f"{shown(cell['position_error_during_max_m'])} m {innocents}".strip(),
-        )
+        error = f"{shown(_worst_error_m(cell))} m"
+        return Mark("outside", f"✗ {cell['violation_runs']}/{cell['runs']}", f"{error} {innocents}".strip())
     if not cell["units"]:
         return Mark("held", "– held", innocents)
-    found_s = cell["time_to_detect_p50_s"]
-    if cell["detected_percent"] == 0.0:
-        return Mark("unseen", "? not found", innocents)
-    if cell["detected_percent"] < 100.0 or found_s is None:
-        return Mark("unseen", f"? found in {cell['detected_percent']:.0f} %", innocents)
+    found, found_s = cell["detected_percent"], cell["time_to_detect_p50_s"]
+    if found < 100.0:
+        warned = "warned of" if cell["warned_percent"] == 100.0 else ""
+        return Mark("unseen", f"? found in {found:.0f} %" if found else "? not found", f"{warned} {innocents}".strip())
     return Mark("fast" if found_s <= FAST_S else "slow", f"✓ {shown(found_s)} s", innocents)
+
+
+def _worst_error_m(cell: dict[str, Any]) -> float | None:
+    errors = (cell["position_error_during_max_m"], cell["position_error_after_max_m"])
+    return max((error for error in errors if error is not None), default=None)
 
 
 def _map(train: str, cells: Sequence[dict[str, Any]]) -> str:
