@@ -26,18 +26,30 @@ def worker(address: str, folder: Path) -> subprocess.Popen[str]:
 
 
 @pytest.fixture
-def scheduler(tmp_path: Path) -> Iterator[str]:
-    """A scheduler's address; its own file says on which port it listens."""
+def started(tmp_path: Path) -> Iterator[tuple[str, subprocess.Popen[str]]]:
+    """A scheduler: its address, which its own file says, and its process."""
     file = tmp_path / "scheduler.json"
     running = start("dask_scheduler", "--host", "127.0.0.1", "--port", 0, "--scheduler-file", file)
     try:
-        while not file.exists():
+        while not file.exists() or not file.read_text(encoding="utf-8").rstrip().endswith("}"):
             with pytest.raises(subprocess.TimeoutExpired):
                 running.wait(timeout=0.05)
-        yield json.loads(file.read_text(encoding="utf-8"))["address"]
+        yield json.loads(file.read_text(encoding="utf-8"))["address"], running
     finally:
         running.kill()
         running.communicate()
+
+
+@pytest.fixture
+def scheduler(started: tuple[str, subprocess.Popen[str]]) -> str:
+    return started[0]
+
+
+def wait_for_runs(kept: Path, running: subprocess.Popen[str]) -> None:
+    """Wait until two runs are in the file of results."""
+    while not kept.exists() or kept.read_bytes().count(b"\n") < 2:
+        with pytest.raises(subprocess.TimeoutExpired):
+            running.wait(timeout=0.05)
 
 
 def test_a_cluster_that_loses_a_worker_gives_the_local_figures(tmp_path: Path, scheduler: str) -> None:
@@ -46,9 +58,7 @@ def test_a_cluster_that_loses_a_worker_gives_the_local_figures(tmp_path: Path, s
     line = command(path, "--json", "--dask", scheduler, "--resume", kept)
     running = subprocess.Popen(line, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     try:
-        while not kept.exists() or kept.read_bytes().count(b"\n") < 2:
-            with pytest.raises(subprocess.TimeoutExpired):
-                running.wait(timeout=0.05)
+        wait_for_runs(kept, running)
         workers[0].kill()
         finished = kept.read_bytes().count(b"\n")
         said, errors = running.communicate(timeout=120)
@@ -61,6 +71,23 @@ def test_a_cluster_that_loses_a_worker_gives_the_local_figures(tmp_path: Path, s
     local = campaign(path, "--json", "--jobs", 2)
     assert running.returncode == local.returncode
     assert said == local.stdout
+
+
+def test_a_scheduler_that_dies_is_one_line(tmp_path: Path, started: tuple[str, subprocess.Popen[str]]) -> None:
+    address, scheduling = started
+    path, kept = written(tmp_path, runs=100), tmp_path / "runs.jsonl"
+    working = worker(address, tmp_path)
+    running = subprocess.Popen(command(path, "--dask", address, "--resume", kept), cwd=ROOT, stderr=subprocess.PIPE, text=True)
+    try:
+        wait_for_runs(kept, running)
+        scheduling.kill()
+        _, errors = running.communicate(timeout=60)
+    finally:
+        for process in (running, working):
+            process.kill()
+            process.communicate()
+    assert running.returncode == 2
+    assert errors == f"milepost: campaign: --dask: the scheduler at {address} has gone\n"
 
 
 def test_a_cluster_that_cannot_be_used_is_one_line(tmp_path: Path, scheduler: str) -> None:

@@ -15,6 +15,7 @@ from .task import Figures, Task, run_task
 
 CONNECT_S = 10.0
 SCHEMES = ("tcp://", "tls://", "ws://", "wss://")
+LOGGERS = ("distributed", "distributed.client", "distributed.core")
 OPTION = ("campaign", "--dask")
 
 
@@ -33,8 +34,9 @@ def on_dask(address: str) -> Executor:
 def _run(address: str, tasks: Sequence[Task], progress: Progress, finished: Finished[Figures]) -> None:
     from distributed import as_completed
 
-    # a lost connection is the scheduler's business until it gives a task up
-    logging.getLogger("distributed").setLevel(logging.CRITICAL)
+    # what is lost on the way is the scheduler's business until it gives a run up, and then an error here
+    for name in LOGGERS:
+        logging.getLogger(name).setLevel(logging.CRITICAL)
     with _client(address) as client:
         _wait_for_a_worker(client, address)
         futures = client.map(_work, tasks, key=[f"run-{place}-{task.key}" for place, task in enumerate(tasks)])
