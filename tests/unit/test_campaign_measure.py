@@ -149,6 +149,13 @@ def test_a_cell_is_its_runs_together() -> None:
     assert violated(cell)
 
 
+def test_where_nobody_lies_there_is_nothing_to_detect() -> None:
+    runs = [measure(watch(*[0.0] * 6, states={3: {"excluded": ["loop"]}}), [], 0.0, UNITS)]
+    cell = aggregate(Cell("maglev", (), "no fault", (task(1),)), runs)
+    assert (cell["detected_percent"], cell["time_to_detect_p50_s"], cell["violation_runs"]) == (None, None, 0)
+    assert cell["wrong_exclusions_per_h"] == pytest.approx(1200.0)
+
+
 def test_a_cell_whose_runs_all_crashed_has_figures_of_none() -> None:
     cell = aggregate(Cell("maglev", ("radar",), "bias", (task(1),)), [{"crashed": "ValueError: no"}])
     assert violated(cell)

@@ -94,12 +94,14 @@ def _interval(runs: Sequence[Figures]) -> dict[str, Any]:
 
 
 def _detection(runs: Sequence[Figures]) -> dict[str, Any]:
-    times, warned = [run["time_to_detect_s"] for run in runs], [run["time_to_warn_s"] for run in runs]
+    """When the liars were found; None throughout where nobody lies."""
+    lying = [run for run in runs if run["liars"]]
+    times, warned = [run["time_to_detect_s"] for run in lying], [run["time_to_warn_s"] for run in lying]
     return {
-        "detected_percent": percent(sum(time is not None for time in times), len(runs)),
+        "detected_percent": percent(sum(time is not None for time in times), len(lying)),
         "time_to_detect_p50_s": quantile(times, 0.5),
         "time_to_detect_p95_s": quantile(times, 0.95),
-        "warned_percent": percent(sum(time is not None for time in warned), len(runs)),
+        "warned_percent": percent(sum(time is not None for time in warned), len(lying)),
         "time_to_warn_p50_s": quantile(warned, 0.5),
         "time_to_warn_p95_s": quantile(warned, 0.95),
     }

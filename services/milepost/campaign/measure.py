@@ -65,6 +65,7 @@ def measure(watch: Watch, spells: Sequence[Spell], onset_s: float, units: Sequen
     before, after = [e for e in epochs if e.t_s < onset_s], [e for e in epochs if e.t_s >= onset_s]
     due = sum(t >= onset_s for t in watch.truth)
     figures: dict[str, Any] = {
+        "liars": len(spells),
         "observed_s": _span_s(after),
         "epochs": len(after),
         "epochs_without_state": due - len(after),

@@ -8,9 +8,8 @@ from .campaign import Campaign
 
 HEADINGS = (
     "train", "units", "fault", "runs", "outside", "outside %", "normal %", "detected %", "detect s, p50", "p95", "innocents %",
-    "error m", "after m", "half-width m", "largest m", "recover s",
+    "exclusions/h", "error m", "after m", "half-width m", "largest m", "recover s", "SUBSET-041 %",
 )  # fmt: skip
-OUTSIDE = HEADINGS.index("outside")
 
 
 def verdict(campaign: Campaign) -> str:
@@ -40,11 +39,13 @@ def row_cells(cell: dict[str, Any]) -> tuple[str, ...]:
                 "time_to_detect_p50_s",
                 "time_to_detect_p95_s",
                 "wrongly_excluded_percent",
+                "wrong_exclusions_per_h",
                 "position_error_during_max_m",
                 "position_error_after_max_m",
                 "position_half_width_median_m",
                 "position_half_width_max_m",
                 "time_to_recover_p50_s",
+                "subset_041_percent",
             )
         ),
     )
