@@ -157,6 +157,23 @@ def test_a_campaign_that_is_ended_goes_on_where_it_was(tmp_path, how):
     assert kept.read_bytes().count(b"\n") >= finished
 
 
+def test_a_worker_that_is_killed_is_one_line(tmp_path):
+    path, kept = written(tmp_path, runs=100), tmp_path / "runs.jsonl"
+    line = command(path, "--jobs", 2, "--resume", kept)
+    running = subprocess.Popen(line, cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+    try:
+        while not kept.exists() or kept.read_bytes().count(b"\n") < 2:
+            with pytest.raises(subprocess.TimeoutExpired):
+                running.wait(timeout=0.05)
+        # a worker has had more of the processor than those that only serve
+        max(psutil.Process(running.pid).children(), key=lambda child: child.cpu_times().user).kill()
+        _, said = running.communicate(timeout=60)
+    finally:
+        running.kill()
+    assert running.returncode == 2
+    assert said == f"milepost: {path}: a process that made runs was killed; finished runs are in {kept}\n"
+
+
 @pytest.mark.parametrize(
     ("fields", "options", "said"),
     [

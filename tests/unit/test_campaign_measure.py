@@ -75,6 +75,13 @@ def test_detection_is_the_first_exclusion_since_the_onset() -> None:
     assert measure(run, [LIAR, Spell("loop", 1.0, 2.0)], 0.0, UNITS)["time_to_detect_s"] is None
 
 
+def test_a_liar_that_is_doubted_is_not_yet_detected() -> None:
+    run = watch(*[0.0] * 8, states={3: {"doubted": ("loop",)}, 4: {"doubted": ("radar", "loop")}})
+    figures = measure(run, [LIAR], 0.0, UNITS)
+    assert (figures["time_to_detect_s"], figures["time_to_doubt_s"]) == (None, 1.0)
+    assert figures["wrongly_excluded_epochs"] == 0
+
+
 def test_a_readers_time_to_detect_runs_from_its_next_telegram() -> None:
     run = watch(*[0.0] * 8, states={5: {"excluded": ["balise-reader"]}})
     run.telegrams += [(0.5, "balise-reader"), (2.25, "balise-reader")]

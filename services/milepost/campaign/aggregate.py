@@ -94,17 +94,14 @@ def _interval(runs: Sequence[Figures]) -> dict[str, Any]:
 
 
 def _detection(runs: Sequence[Figures]) -> dict[str, Any]:
-    """When the liars were found; None throughout where nobody lies."""
+    """When the liars were excluded, doubted, and named by a warning; None throughout where nobody lies."""
     lying = [run for run in runs if run["liars"]]
-    times, warned = [run["time_to_detect_s"] for run in lying], [run["time_to_warn_s"] for run in lying]
-    return {
-        "detected_percent": percent(sum(time is not None for time in times), len(lying)),
-        "time_to_detect_p50_s": quantile(times, 0.5),
-        "time_to_detect_p95_s": quantile(times, 0.95),
-        "warned_percent": percent(sum(time is not None for time in warned), len(lying)),
-        "time_to_warn_p50_s": quantile(warned, 0.5),
-        "time_to_warn_p95_s": quantile(warned, 0.95),
-    }
+    out: dict[str, Any] = {}
+    for word, key in (("detected", "time_to_detect"), ("doubted", "time_to_doubt"), ("warned", "time_to_warn")):
+        times = [run[f"{key}_s"] for run in lying]
+        out[f"{word}_percent"] = percent(sum(time is not None for time in times), len(lying))
+        out |= {f"{key}_p50_s": quantile(times, 0.5), f"{key}_p95_s": quantile(times, 0.95)}
+    return out
 
 
 def _innocents(runs: Sequence[Figures]) -> dict[str, Any]:

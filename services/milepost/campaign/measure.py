@@ -127,10 +127,11 @@ def _errors(epochs: Sequence[Epoch], when: str) -> dict[str, Any]:
 
 
 def _detection(epochs: Sequence[Epoch], spells: Sequence[Spell], said: Sequence[Said]) -> dict[str, Any]:
-    """When all liars have been excluded, and when a warning has named each: the largest of the times since its onset."""
+    """When all liars have been excluded, doubted and named by a warning: the largest of the times since their onsets."""
     times = [_since(spell, (e.t_s for e in epochs if spell.unit in e.excluded)) for spell in spells]
     warned = [_since(spell, (s.at_s for s in said if s.unit == spell.unit or spell.unit in s.text.split())) for spell in spells]
-    return {"time_to_detect_s": _largest(times), "time_to_warn_s": _largest(warned)}
+    doubted = [_since(spell, (e.t_s for e in epochs if spell.unit in e.state.doubted)) for spell in spells]
+    return {"time_to_detect_s": _largest(times), "time_to_doubt_s": _largest(doubted), "time_to_warn_s": _largest(warned)}
 
 
 def _acting(spell: Spell, telegrams: Sequence[tuple[float, str]]) -> Spell:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Sequence
 from html import escape
 from pathlib import Path
@@ -18,6 +19,7 @@ PAGE = Path(__file__).with_name("report.html")
 FAST_S = 2.0
 # a list of more failed runs than this is not read; results.json has all of them
 MOST_FAILED = 200
+CODE = re.compile(r"`([^`]+)`")
 
 
 class Mark(NamedTuple):
@@ -33,7 +35,7 @@ def write_report(folder: Path, campaign: Campaign) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     page = Template(PAGE.read_text(encoding="utf-8")).substitute(
         name=escape(campaign.file.campaign),
-        about=escape(campaign.file.about),
+        about=CODE.sub(r"<code>\1</code>", escape(campaign.file.about)),
         verdict=escape(verdict(campaign)),
         **{"class": "bad" if campaign.violated else "good"},
         maps="\n".join(
@@ -62,8 +64,8 @@ def mark(cell: dict[str, Any]) -> Mark:
         return Mark("held", "– held", innocents)
     found, found_s = cell["detected_percent"], cell["time_to_detect_p50_s"]
     if found < 100.0:
-        warned = "warned of" if cell["warned_percent"] == 100.0 else ""
-        return Mark("unseen", f"? found in {found:.0f} %" if found else "? not found", f"{warned} {innocents}".strip())
+        known = "doubted" if cell["doubted_percent"] == 100.0 else "warned of" if cell["warned_percent"] == 100.0 else ""
+        return Mark("unseen", f"? found in {found:.0f} %" if found else "? not found", f"{known} {innocents}".strip())
     return Mark("fast" if found_s <= FAST_S else "slow", f"✓ {shown(found_s)} s", innocents)
 
 

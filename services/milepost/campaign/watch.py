@@ -24,6 +24,7 @@ class Seen(NamedTuple):
     excluded: tuple[tuple[str, str], ...]
     reset_m: float | None
     since_m: float | None
+    doubted: tuple[str, ...] = ()
 
 
 class Said(NamedTuple):
@@ -76,4 +77,5 @@ def seen(state: FusedState) -> Seen:
         tuple((each.unit, each.reason) for each in state.excluded),
         None if reset is None else abs(reset.size_m),
         None if state.last_balise is None else state.last_balise.distance_since_m,
+        tuple(getattr(state, "doubted", ())),
     )
