@@ -15,8 +15,8 @@ import milepost_schemas
 from milepost.config.shipped_files import PACKAGE
 from milepost.config.yaml_files import read_yaml
 
-# the packages on which the figures of a run depend
-ROOMS = ("offline", "config", "nodes", "sensors", "simulation", "recordings", "estimation", "track")
+# the packages on which the figures of a run do not depend; of this one they depend on what measures
+ABOVE = ("cli", "campaign", "evaluation", "checks", "runtime", "deploy")
 MEASURING = ("measure.py", "watch.py")
 DIGITS = 16
 
@@ -37,8 +37,8 @@ def code_fingerprint() -> str:
 
 
 def _sources() -> Iterator[tuple[str, Path]]:
-    folders = [*(PACKAGE / room for room in ROOMS), Path(milepost_schemas.__file__).parent]
-    for folder in folders:
+    rooms = sorted(folder for folder in PACKAGE.iterdir() if folder.is_dir() and folder.name not in ABOVE)
+    for folder in (*rooms, Path(milepost_schemas.__file__).parent):
         yield from ((f"{folder.name}/{path.relative_to(folder)}", path) for path in sorted(folder.rglob("*.py")))
     yield from ((name, Path(__file__).with_name(name)) for name in MEASURING)
 
