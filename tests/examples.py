@@ -24,6 +24,7 @@ from milepost_schemas import (
     BaliseTelegram,
     Estimate,
     Event,
+    FaultCommand,
     Feedback,
     FusedState,
     Gaussian,
@@ -120,9 +121,20 @@ EXAMPLES: dict[str, tuple[Message, ...]] = {
             position_m=1200.0,
             position_variance_m2=0.0004,
             location_accuracy_m=0.05,
+            doubtful="balise_early: 2.00 m before its window",
         ),
     ),
-    "feedback": (Feedback(**head("fuser"), fused=GAUSSIAN, shares={"radar": 0.75, "loop": 0.25}),),
+    "feedback": (
+        Feedback(
+            **head("fuser"),
+            fused=GAUSSIAN,
+            shares={"radar": 0.75, "loop": 0.25},
+            position_min_m=1224.25,
+            position_max_m=1244.0,
+            speed_min_mps=15.0,
+            speed_max_mps=25.5,
+        ),
+    ),
     "state": (
         FusedState(
             **head("fuser"),
@@ -162,6 +174,17 @@ EXAMPLES: dict[str, tuple[Message, ...]] = {
             step_us=Spread(p50=20.0, p99=45.5, max=300.25),
             latency_ms=Spread(p50=0.25, p99=1.5, max=9.75),
         ),
+    ),
+    "chaos": (
+        FaultCommand(
+            **head(),
+            kind="wrong_balise",
+            for_s=2.5,
+            numbers={"offset_m": 10.5},
+            words={"says": "b00013"},
+            flags={"once": False},
+        ),
+        FaultCommand(**head()),
     ),
     "truth": (Truth(**head("world"), position_m=1234.0, speed_mps=20.0, acceleration_mps2=0.0625),),
 }

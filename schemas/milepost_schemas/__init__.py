@@ -2,6 +2,7 @@
 
 from .codec import Refused, decode, encode, from_fields
 from .estimate import AbsoluteFix, Estimate, Feedback, JudgedReading, LinearObservation
+from .fault import FaultCommand
 from .health import Event, Health, Spread
 from .message import COMMON_STATES, Gaussian, Message, Part
 from .reading import BaliseTelegram, InertialReading, PositionReading, SpeedReading
@@ -18,6 +19,7 @@ __all__ = [
     "BaliseTelegram",
     "Estimate",
     "Event",
+    "FaultCommand",
     "Feedback",
     "FusedState",
     "Gaussian",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any, ClassVar
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from .message import Count, Gaussian, Message, Name, NonNegative, Part, PositionM, Share, TimeNs, Variance
 
@@ -64,7 +64,7 @@ class AbsoluteFix(Message):
     """The train's reference point was at `position_m` at `measured_at_ns`.
 
     `reader`, `reader_instance` and `reading_sequence` identify the reading; `location_accuracy_m` is the accuracy of
-    the balise's position on the line.
+    the balise's position on the line. `doubtful`: why the balise was not expected there and then; None where it was.
     """
 
     SCHEMA: ClassVar[str] = "absolute_fix"
@@ -76,12 +76,36 @@ class AbsoluteFix(Message):
     position_m: PositionM
     position_variance_m2: Variance
     location_accuracy_m: NonNegative
+    doubtful: str | None = None
 
 
 class Feedback(Message):
-    """The fused state at epoch `measured_at_ns` over all states, and the share (beta) of every reporting unit."""
+    """The fused state at epoch `measured_at_ns` over all states, and the share (beta) of every reporting unit.
+
+    `position_min_m` to `speed_max_mps`: the interval that is published in the state of this epoch.
+    """
 
     SCHEMA: ClassVar[str] = "feedback"
 
     fused: Gaussian
     shares: dict[str, Share]
+    position_min_m: float | None = None
+    position_max_m: float | None = None
+    speed_min_mps: float | None = None
+    speed_max_mps: float | None = None
+
+    @property
+    def interval(self) -> tuple[float, float, float, float] | None:
+        """The bounds of position and speed, least and greatest; None where one is not stated."""
+        low, high, slow, fast = self.position_min_m, self.position_max_m, self.speed_min_mps, self.speed_max_mps
+        return None if low is None or high is None or slow is None or fast is None else (low, high, slow, fast)
+
+    @model_validator(mode="after")
+    def _least_before_greatest(self) -> Feedback:
+        for name, low, high in (
+            ("position", self.position_min_m, self.position_max_m),
+            ("speed", self.speed_min_mps, self.speed_max_mps),
+        ):
+            if low is not None and high is not None and low > high:
+                raise ValueError(f"the {name} interval ends before it begins")
+        return self

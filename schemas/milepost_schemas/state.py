@@ -27,6 +27,14 @@ class SensorExcluded(Part):
     reason: str
 
 
+class StateReset(Part):
+    """A step of the state by more than its own uncertainty: how far, and why."""
+
+    size_m: float
+    size_mps: float
+    reason: str
+
+
 class BalisePassed(Part):
     """The last balise passed, its chainage and the distance travelled since."""
 
@@ -40,7 +48,10 @@ class FusedState(Message):
 
     `covariance` is over [position m, speed m/s, acceleration m/s²]. The true position lies in
     [`position_min_m`, `position_max_m`], the true speed in [`speed_min_mps`, `speed_max_mps`]. `awaiting` lists units
-    whose due reading had not arrived when it was sent; `settled` is true where the horizon has passed.
+    whose due reading had not arrived when it was sent; `settled` is true where the horizon has passed. The intervals hold the
+    truth while any one unit lies; `position_accuracy_m` and `speed_accuracy_mps` are what holds for 95 % of all states if none
+    does. `doubted` lists units that contradict each other while nothing tells which of them lies. `reset`: since the epoch
+    before, the state stepped by more than its own uncertainty.
     """
 
     SCHEMA: ClassVar[str] = "state"
@@ -54,6 +65,8 @@ class FusedState(Message):
     position_max_m: float
     speed_min_mps: float
     speed_max_mps: float
+    position_accuracy_m: NonNegative = 0.0
+    speed_accuracy_mps: NonNegative = 0.0
     direction: Direction
     status: Status
     line: Name
@@ -63,6 +76,8 @@ class FusedState(Message):
     last_balise: BalisePassed | None = None
     sensors: list[SensorInUse]
     excluded: list[SensorExcluded]
+    doubted: list[Name] = Field(default_factory=list)
+    reset: StateReset | None = None
     awaiting: list[Name]
     settled: bool = False
 

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from .estimate import AbsoluteFix, Estimate, Feedback
+from .fault import FaultCommand
 from .health import Event, Health
 from .message import Message
 from .reading import BaliseTelegram, InertialReading, PositionReading, SpeedReading
@@ -63,6 +64,7 @@ STREAMS: tuple[Stream, ...] = (
     Stream("state", "state", FusedState, "epoch", "real_time", 50, "the product, for dispatch tools"),
     Stream("event", "event", Event, "event", "data", 50, "what a person should read"),
     Stream("health", "health/{unit}", Health, "second", "background", 0, "how a process is doing"),
+    Stream("chaos", "@chaos/{unit}", FaultCommand, "event", "data", 0, "what makes a simulated unit's sensor lie"),
     Stream("truth", "@sim/truth", Truth, "epoch", "background", 0, "the simulated train, for comparison only"),
 )
 

@@ -10,10 +10,10 @@ import pytest
 from milepost.estimation.estimator import Prior
 from milepost.estimation.filters import FILTERS
 from milepost.estimation.filters.base import FilterSetup
-from milepost.estimation.fusion import InformationFusion
 from milepost.estimation.layout import Layout
 from milepost.estimation.motion import process_noise, transition
 from milepost.estimation.observation import Observation
+from milepost.fusion.information_rule import InformationFusion
 
 Q, T0, STEP_S, STEPS = 1e-2, 1_000_000_000_000, 0.2, 150
 POSITION_STD, SPEED_STD = 2.0, 0.3

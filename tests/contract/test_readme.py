@@ -14,6 +14,7 @@ from milepost.cli.main import app
 from milepost.config.shipped_files import find_file, names_in
 from milepost.estimation.filters import FILTERS
 from milepost.sensors import SENSORS
+from milepost.simulation.faults import FAULTS
 from milepost_schemas import STREAMS
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -53,10 +54,18 @@ def test_a_milepost_command_has_these_options(line: str) -> None:
     if words[0].startswith("--") or words[0] == "COMMAND":
         return
     command = COMMANDS_BY_NAME[words[0]]
-    options = {name: parameter for parameter in command.params for name in parameter.opts}
+    options = {name for parameter in command.params for name in parameter.opts}
+    if words[0] == "inject" and len(words) > 2 and words[2] in FAULTS:
+        options |= {f"--{name.replace('_', '-')}" for name in FAULTS[words[2]].options.model_fields}
     for word in words[1:]:
         if word.startswith("--") and word != "--help":
             assert word in options, line
+
+
+def test_the_faults_that_it_names_are_those_of_the_table() -> None:
+    section = README.split("\n## Sensors that lie\n")[1].split("\n## ")[0]
+    named = {word for word in re.findall(r"`([a-z_]+)`", section) if word not in ("event", "full")}
+    assert named == set(FAULTS)
 
 
 @pytest.mark.parametrize("target", MAKE)

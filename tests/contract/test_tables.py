@@ -12,9 +12,9 @@ from examples import EXAMPLES, REMOVED, write_train
 from milepost.config.roles import ROLES, fuser_settings, process_name, processes
 from milepost.config.train import load_train
 from milepost.estimation.filters import FILTERS
-from milepost.estimation.fusion import RULES
 from milepost.estimation.layout import COMMON
 from milepost.evaluation.scores import SCORES
+from milepost.fusion.rules import RULES
 from milepost.sensors import SENSORS
 from milepost_schemas import BY_NAME, COMMON_STATES, STREAMS
 

@@ -10,13 +10,14 @@ from milepost.estimation.estimator import Prior
 from milepost.estimation.filters.base import FilterSetup
 from milepost.estimation.filters.kalman import KalmanFilter, KalmanOptions
 from milepost.estimation.layout import Layout, PrivateState
-from milepost.estimation.shares import FixedShares
 from milepost.estimation.time_units import NS_PER_S
+from milepost.fusion.shares import FixedShares
 from milepost.nodes.filter import FilterNode
 from milepost.nodes.fuser import FuserNode
 from milepost.nodes.fuser_settings import FuserSettings
 from milepost.nodes.roster import UnitRow
-from milepost.sensors.base import Observed, Sensor, SensorOptions
+from milepost.sensors.base import Sensor, SensorOptions
+from milepost.sensors.observed import Observed
 from milepost.track.line import Line
 from milepost_schemas import AbsoluteFix, SpeedReading
 

@@ -9,7 +9,7 @@ import pytest
 from invented import NS_PER_S, T0, Plain, drive, filter_of, fix, fuser_of, reading, sensors
 from pydantic import ValidationError
 
-from milepost.estimation.fusion import Fused
+from milepost.fusion.rule import Fused
 from milepost.track.track import Track
 from milepost_schemas import Estimate, Feedback, Gaussian, SpeedReading
 

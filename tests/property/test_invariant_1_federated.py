@@ -10,9 +10,9 @@ from invented import HORIZON_NS, NS_PER_S, PRIOR, T0, Plain, Q, drive, filter_of
 from reference import filter_all
 
 from milepost.estimation.estimator import Estimator
-from milepost.estimation.federated import fuse, share_out
 from milepost.estimation.layout import Layout
 from milepost.estimation.observation import Observation
+from milepost.fusion.federated import fuse, share_out
 
 ROWS = [(0.0, 1.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0), (0.3, 1.0, 0.2)]
 

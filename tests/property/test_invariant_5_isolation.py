@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from invented import HORIZON_NS, NS_PER_S, PRIOR, T0, Biased, Plain, Q, drive, layout_of, sensors
 
-from milepost.estimation.fusion import InformationFusion
+from milepost.fusion.information_rule import InformationFusion
 from milepost.nodes.observations import of_fix, of_reading
 
 

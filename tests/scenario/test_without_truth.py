@@ -161,6 +161,7 @@ class TestEvaluation:
         ("fields", "says"),
         [
             ({"scores": {"outside_interval": None}}, "scores.outside_interval: needs a truth, and "),
+            ({"scores": {"subset_041_position": None}}, "scores.subset_041_position: needs a truth, and "),
             ({"scores": {"m": {"score": "position_max_m"}}}, "scores.m: needs a truth, and "),
             ({"claims": [{"key": "position_max_m", "source": "B", "says": "-"}]}, "claims.0.key: position_max_m needs a truth"),
             ({"claims": [{"key": "fused_over_centralised", "source": "B", "says": "-"}]}, "claims.0.key: fused_over"),

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from examples import T0, examples_of, head
+from examples import GAUSSIAN, T0, examples_of, head
 from milepost.nodes.balise import BaliseNode
 from milepost.track.line import Balise, Line
-from milepost_schemas import BY_NAME, STREAMS, AbsoluteFix, BaliseTelegram, Event
+from milepost_schemas import BY_NAME, STREAMS, AbsoluteFix, BaliseTelegram, Event, Feedback
 
 LINE = Line("l", 1000.0, (Balise("b1", 100.0, 0.05), Balise("b2", 200.5, 12.0)))
 NOW = T0 + 500_000_000
@@ -21,11 +21,46 @@ def telegram(balise: str, sequence: int = 3) -> BaliseTelegram:
     return BaliseTelegram(**head("reader-a", sequence=sequence), balise_id=balise, reader_variance_m2=0.0004)
 
 
-def test_it_subscribes_to_the_trains_readers_only() -> None:
-    assert [(s.stream, s.unit) for s in node().subscriptions] == [
-        ("balise_telegram", "reader-a"),
-        ("balise_telegram", "reader-b"),
+def feedback(at_ns: int, low_m: float, high_m: float) -> Feedback:
+    bounds = {"position_min_m": low_m, "position_max_m": high_m, "speed_min_mps": 19.0, "speed_max_mps": 21.0}
+    return Feedback(**head("fuser", measured_at_ns=at_ns, published_at_ns=at_ns), fused=GAUSSIAN, shares={}, **bounds)
+
+
+def test_it_subscribes_to_the_trains_readers_and_to_feedback() -> None:
+    assert [(s.stream, s.unit, s.newest_only) for s in node().subscriptions] == [
+        ("balise_telegram", "reader-a", False),
+        ("balise_telegram", "reader-b", False),
+        ("feedback", "*", False),
     ]
+
+
+def test_a_balise_outside_its_window_gives_a_doubtful_fix_and_an_event() -> None:
+    service = node()
+    assert list(service.step(feedback(telegram("b1").measured_at_ns, 90.0, 94.0), NOW)) == []
+    (_, _, fix), (_, _, event) = service.step(telegram("b1"), NOW)
+    # 100 m less the front at 94 m, the location accuracy of 0.05 m and the reader's 1 m
+    assert fix.doubtful == "balise_early: 4.95 m before its window"
+    assert (event.severity, event.code) == ("warning", "balise_early")
+    assert fix.position_m == 100.0
+
+
+def test_a_balise_inside_its_window_gives_a_fix_without_doubt() -> None:
+    service = node()
+    list(service.step(feedback(telegram("b1").measured_at_ns, 98.0, 102.0), NOW))
+    assert [output.message.doubtful for output in service.step(telegram("b1"), NOW)] == [None]
+
+
+def test_feedback_from_the_future_is_refused_and_expects_nothing() -> None:
+    service = node()
+    (refused,) = service.step(feedback(NOW + 600_000_000, 90.0, 94.0), NOW)
+    assert refused.message.code == "refused_from_future"
+    assert service.refusals.counts == {"from_future": 1}
+    assert [output.message.doubtful for output in service.step(telegram("b1"), NOW)] == [None]
+
+
+def test_feedback_whose_interval_ends_before_it_begins_is_invalid() -> None:
+    with pytest.raises(ValueError, match="the position interval ends before it begins"):
+        feedback(NOW, 94.0, 90.0)
 
 
 @pytest.mark.parametrize("balise", LINE.balises, ids=lambda b: b.balise_id)

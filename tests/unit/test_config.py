@@ -223,7 +223,7 @@ GEOJSON: dict[str, Any] = {
 
 
 SUGGESTIONS = {
-    "key": ({"spede": 1}, "spede: unknown key; known keys: train, line, motion_model, prior, fusion, world, units"),
+    "key": ({"spede": 1}, "spede: unknown key; known keys: train, chaos, line, motion_model, prior, fusion, world, units"),
     "key of a part": ({"fusion.horizon": 5.0}, "fusion.horizon: unknown key; did you mean 'horizon_s'?"),
     "key of a sensor": ({"units.radar.rate": 9.0}, "units.radar.rate: unknown key; did you mean 'rate_hz'?"),
     "key of a motion": ({f"{WORLD}.profil": []}, "world.motion.profil: unknown key; did you mean 'profile'?"),
@@ -388,6 +388,24 @@ SCENARIO_MISTAKES: dict[str, tuple[dict[str, Any], str, str]] = {
     "withheld without a unit": ({"withheld": {"from_s": 0.0, "to_s": 1.0}}, "withheld.unit", "required"),
     "withheld of nobody": ({"withheld": {"unit": "wheel", "from_s": 0.0, "to_s": 1.0}}, "withheld.unit", "wheel"),
     "alone without anybody": ({"alone": ["wheel"]}, "alone", "wheel"),
+    "fault of nobody": ({"faults": [{"unit": "rader", "kind": "stuck", "from_s": 1.0}]}, "faults.0.unit", "'radar'"),
+    "unknown fault": ({"faults": [{"unit": "radar", "kind": "broken", "from_s": 1.0}]}, "faults.0: kind", "'broken'"),
+    "fault without its option": ({"faults": [{"unit": "radar", "kind": "bias", "from_s": 1.0}]}, "faults.0: size", "required"),
+    "option of another fault": (
+        {"faults": [{"unit": "radar", "kind": "stuck", "from_s": 1.0, "size": 1.0}]},
+        "faults.0: size",
+        "not an option of stuck",
+    ),
+    "fault that does not fit": (
+        {"variants": {"v": {"faults": [{"unit": "radar", "kind": "jump", "from_s": 1.0, "size": 1.0}]}}},
+        "variants.v.faults.0.kind",
+        "radar: jump does not fit speed_reading",
+    ),
+    "fault of an estimator that does not fit": (
+        {"estimators": {"e": {"faults": [{"unit": "radar", "kind": "spin", "from_s": 1.0, "ratio": 1.0}]}}},
+        "estimators.e.faults.0.kind",
+        "spin does not fit doppler_radar, but odometer",
+    ),
 }
 
 

@@ -16,7 +16,8 @@ from examples import T0, all_readings, gnss_log, head, sensor
 from milepost.estimation.motion import process_noise, transition
 from milepost.recordings.gnss_log import read_gnss_log
 from milepost.recordings.measured import Measured
-from milepost.sensors.base import Belief, World
+from milepost.sensors.base import World
+from milepost.sensors.observed import Belief
 from milepost.simulation.motion import Profile, WhiteJerkMotion
 from milepost.track.earth import moved
 from milepost.track.line import Line

@@ -11,8 +11,9 @@ import numpy as np
 import pytest
 
 from examples import T0, head, sensor, straight_line, world
-from milepost.sensors.base import Belief, World
+from milepost.sensors.base import World
 from milepost.sensors.imu.imu import GRAVITY_MPS2
+from milepost.sensors.observed import Belief
 from milepost.track.line import Line
 from milepost_schemas import InertialReading, decode
 

@@ -13,7 +13,8 @@ from examples import T0, head, sensor, straight_line
 from milepost.estimation.kalman import predict, update
 from milepost.estimation.layout import Array, Layout
 from milepost.estimation.motion import full_process_noise, full_transition
-from milepost.sensors.base import Belief, World
+from milepost.sensors.base import World
+from milepost.sensors.observed import Belief
 from milepost.simulation.motion import KnotMotion
 from milepost_schemas import InertialReading
 

@@ -15,9 +15,10 @@ from milepost.estimation.kalman import predict, update
 from milepost.estimation.layout import Layout
 from milepost.estimation.motion import full_process_noise, full_transition
 from milepost.recordings.measured import Measured, Source
-from milepost.sensors.base import Belief, World
+from milepost.sensors.base import World
 from milepost.sensors.loop.count import Faults, pitches
 from milepost.sensors.loop.crossings import Crossings, Unseen
+from milepost.sensors.observed import Belief
 from milepost_schemas import SpeedReading, decode
 
 

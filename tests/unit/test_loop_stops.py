@@ -10,10 +10,11 @@ import pytest
 from examples import all_readings, sensor, straight_line, world
 from milepost.estimation.kalman import update
 from milepost.recordings.measured import Measured
-from milepost.sensors.base import Belief, World
+from milepost.sensors.base import World
 from milepost.sensors.loop.antenna import Antenna
 from milepost.sensors.loop.crossings import Crossings, Unseen
 from milepost.sensors.loop.direction import SPEED, Reversals, signed
+from milepost.sensors.observed import Belief
 from milepost.simulation.motion import Profile, WhiteJerkMotion
 
 PITCH = 0.1

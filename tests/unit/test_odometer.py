@@ -11,7 +11,8 @@ import pytest
 
 from examples import T0, all_readings, head, sensor, straight_line, world
 from milepost.recordings.measured import Measured
-from milepost.sensors.base import Belief, World
+from milepost.sensors.base import World
+from milepost.sensors.observed import Belief
 from milepost.sensors.odometer.device import Wheel
 from milepost_schemas import SpeedReading, decode, encode
 

@@ -16,7 +16,8 @@ from milepost.estimation.kalman import predict, update
 from milepost.estimation.layout import Layout, PrivateState
 from milepost.estimation.motion import full_process_noise, full_transition
 from milepost.recordings.measured import Measured
-from milepost.sensors.base import Belief, World
+from milepost.sensors.base import World
+from milepost.sensors.observed import Belief
 from milepost.sensors.radar.beam import beam_speed
 from milepost.sensors.radar.dropouts import Dropouts
 from milepost.sensors.scale import scaled_speed

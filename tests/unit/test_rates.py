@@ -38,7 +38,9 @@ def test_the_default_trains_rates_are_those_of_its_units_and_epochs() -> None:
 
 def test_streams_paced_by_events_have_no_rate() -> None:
     found = rates(load_train(FULL))
-    assert found["sensor-balise-reader"] == found["balise"] == found["filter-loop"] == {}
+    assert found["sensor-balise-reader"] == found["filter-loop"] == {}
+    # feedback wakes the balise service
+    assert found["balise"] == {"feedback": 50.0}
 
 
 @pytest.mark.parametrize(
@@ -56,4 +58,5 @@ def test_epochs_and_feedback_follow_the_train_file(
 def test_a_train_sends_only_the_streams_of_its_roles() -> None:
     train = load_train(FULL)
     sent = {name for process in processes(train) for name in ROLES[process.role].sends(train, process.unit)}
-    assert sent == set(BY_NAME) - {"event", "health"}
+    # commands come from a tool
+    assert sent == set(BY_NAME) - {"event", "health", "chaos"}

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from milepost.estimation.judging import Verdict
-from milepost.estimation.shares import FixedShares
+from milepost.fusion.shares import FixedShares
+from milepost.fusion.verdicts import Verdict
 from milepost.nodes.roster import KEPT_TIMES, STALE_NS, Roster, UnitRow
 
 MS = 1_000_000

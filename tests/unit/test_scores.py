@@ -142,11 +142,12 @@ def test_many_seeds_become_medians_and_the_worst_which_is_the_least_where_more_i
 def test_private_states_that_go_back_with_every_other_state_are_there_at_every_epoch():
     head: Any = {"position_m": 0.0, "speed_mps": 0.0, "acceleration_mps2": 0.0, "covariance": np.eye(3), "sensors": []}
     head |= {"position_min_m": 0.0, "position_max_m": 0.0, "speed_min_mps": 0.0, "speed_max_mps": 0.0}
+    head |= {"direction": "forward", "status": "normal", "last_balise": None}
     states: Any = {k: SimpleNamespace(**head, measured_at_ns=k, published_at_ns=k) for k in (0, 1, 2)}
     truth = {k: [0.0, 0.0, 0.0] for k in states}
     names = ["position_m", "speed_mps", "acceleration_mps2", "imu.bias"]
-    given = trace_of_states(states, truth, 0, states, {0: ([1.0], [4.0]), 2: ([3.0], [16.0])}, names)
+    given = trace_of_states(states, truth, 0, states, {0: ([1.0], [4.0]), 2: ([3.0], [16.0])}, names, {})
     assert given.private["imu.bias"].tolist() == [1.0, 2.0, 3.0]
     assert given.private_std["imu.bias"].tolist() == [2.0, 3.0, 4.0]
     # the sources' rule sends the common states back alone
-    assert trace_of_states(states, truth, 0, states, {}, names).private == {}
+    assert trace_of_states(states, truth, 0, states, {}, names, {}).private == {}

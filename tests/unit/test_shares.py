@@ -13,7 +13,7 @@ from examples import T0
 from milepost.estimation.estimator import Prior
 from milepost.estimation.layout import COMMON, Layout
 from milepost.estimation.observation import Observation
-from milepost.estimation.shares import FixedShares, SharesByAccuracy, SharesBySpeed, SpeedRow
+from milepost.fusion.shares import FixedShares, SharesByAccuracy, SharesBySpeed, SpeedRow
 from milepost.nodes.fuser import FuserNode
 from milepost.nodes.fuser_settings import FuserSettings
 from milepost.nodes.roster import Roster, UnitRow

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from milepost.config.scenario_file import load_scenario
 from milepost.config.shipped_files import find_file, names_in, scenario_folder, shipped_folder
 from milepost.config.train import load_train
 from milepost.config.yaml_files import ConfigError
@@ -68,3 +69,19 @@ def test_an_unknown_name_lists_the_known_and_the_nearest(elsewhere: Path) -> Non
     text = str(caught.value)
     assert text.startswith("metor: neither a file nor one of the trains: beidou-maglev, ")
     assert text.endswith("; did you mean 'metro'?")
+
+
+@pytest.mark.parametrize(
+    ("name", "units"),
+    [("loop-radar-balise", {"radar", "loop", "balise-reader"}), ("beidou-ins-radar", {"imu", "gnss", "radar"})],
+)
+def test_each_device_of_a_source_is_wrong_for_a_minute(name: str, units: set[str]) -> None:
+    """Silence is another case; and whatever is wrong, the claims hold the truth inside the interval."""
+    scenario, _ = load_scenario(find_file(Path(name), "scenarios"))
+    wrong = {variant: file.faults for variant, file in scenario.variants.items() if file.faults}
+    minutes = [fault for faults in wrong.values() for fault in faults if fault.for_s == 60.0]
+    assert {fault.unit for fault in minutes if fault.kind not in ("drop_out", "missed_balise")} == units
+    for variant in wrong:
+        claims = [c for c in scenario.claims if c.variant == variant]
+        assert [(c.at_most, c.of, c.why) for c in claims if c.key == "outside_interval"] == [(0.0, "worst", "")]
+        assert any("position" in c.key for c in claims)

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from milepost.estimation.estimator import Estimator, Prior
-from milepost.estimation.integrity import interval
 from milepost.estimation.layout import Layout, PrivateState
 from milepost.estimation.observation import FUTURE_NS, Observation
 from milepost.estimation.time_units import NS_PER_S
 from milepost.estimation.timeline import Timeline
+from milepost.fusion.integrity import interval
 
 T0 = 100 * NS_PER_S
 SECOND = 5 * NS_PER_S

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from examples import head, sensor, straight_line
-from milepost.sensors.base import Belief, Observed, Observer
+from milepost.sensors.base import Observer
+from milepost.sensors.observed import Belief, Observed
 from milepost_schemas import SpeedReading
 
 T0_NS = 1_700_000_000 * 10**9

@@ -14,6 +14,7 @@ from milepost.runtime.launch import exit_code
 from milepost.runtime.zenoh_config import DEFAULT_ENDPOINT
 
 from .campaign_command import campaign
+from .inject_command import FREE_OPTIONS, inject
 from .options import ConnectOption, JsonOption, StateDirOption, TrainOption, complete_scenario, show_versions
 
 DEFAULT_TRAIN = Path("full")
@@ -77,6 +78,9 @@ def status(
     from .status import run_status
 
     raise typer.Exit(run_status(connect, as_json, timeout))
+
+
+app.command(context_settings=FREE_OPTIONS)(inject)
 
 
 @app.command()
@@ -201,7 +205,7 @@ def observe(
     name: Annotated[str, typer.Option("--name")] = "*",
 ) -> None:
     """Listen from outside until stopped, then write a report."""
-    from milepost.evaluation.live import run_observe
+    from milepost.runtime.observer import run_observe
 
     run_observe(connect, name, report, stalls)
 
@@ -209,7 +213,7 @@ def observe(
 @app.command(**HIDDEN)  # type: ignore[arg-type]
 def sentinel(stalls: Annotated[Path, typer.Option("--stalls")]) -> None:
     """Record when the machine delays a process: sleep a millisecond at a time and note longer gaps."""
-    from milepost.evaluation.stalls import run_sentinel
+    from milepost.runtime.stalls import run_sentinel
 
     run_sentinel(stalls)
 

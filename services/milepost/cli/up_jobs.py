@@ -25,8 +25,8 @@ def measuring_jobs(endpoint: str, report: Path | None, stalls: Path) -> Iterator
     """The outside observer, and the sentinel that notes when the machine stalls."""
     if report is None:
         return
-    from milepost.evaluation.live import run_observe
-    from milepost.evaluation.stalls import run_sentinel
+    from milepost.runtime.observer import run_observe
+    from milepost.runtime.stalls import run_sentinel
 
     place = ("--stalls", str(stalls))
     yield Job("sentinel", ("sentinel",), place, partial(run_sentinel, stalls), restart=False)

@@ -30,6 +30,7 @@ def injection(train: Train, unit: str, world: World | None, start_ns: int, fault
     around = Surroundings(
         unit,
         sensor.stream,
+        sensor.kind,
         train.line,
         motion=None if world is None else world.motion,
         seed=0 if world is None else world.seed,

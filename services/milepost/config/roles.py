@@ -11,8 +11,9 @@ import numpy as np
 from milepost.estimation.estimator import Prior
 from milepost.estimation.filters.base import FilterSetup
 from milepost.estimation.layout import Layout
-from milepost.estimation.shares import FixedShares, Shares, SharesByAccuracy, SharesBySpeed, SpeedRow
 from milepost.estimation.time_units import NS_PER_S
+from milepost.fusion.hypotheses import Doubts, Suspect
+from milepost.fusion.shares import FixedShares, Shares, SharesByAccuracy, SharesBySpeed, SpeedRow
 from milepost.nodes.balise import BaliseNode
 from milepost.nodes.base import Node
 from milepost.nodes.faulty import FaultySensor
@@ -90,7 +91,9 @@ def _sensor(train: Train, unit: str, setting: Setting) -> Node:
         raise ConfigError(train.path, f"units.{unit}", str(error)) from error
     node = SensorNode(train.name, setting.instance, sensor, source, setting.start_ns)
     faults = [fault for fault in setting.faults if fault.unit == unit]
-    return FaultySensor(node, injection(train, unit, setting.world, setting.start_ns, faults)) if faults else node
+    if not (faults or train.file.chaos):
+        return node
+    return FaultySensor(node, injection(train, unit, setting.world, setting.start_ns, faults), train.file.chaos)
 
 
 def _filter(train: Train, unit: str, setting: Setting) -> Node:
@@ -168,16 +171,35 @@ def fuser_settings(train: Train) -> FuserSettings:
         layout=full_layout(train),
         units=rows,
         judges=judges,
+        doubts=doubts(train),
     )
 
 
 def _judge(train: Train, unit: str) -> UnitJudge | None:
     """The judge of a unit's readings in the fuser; None where the fuser takes the filter's rows."""
     sensor, (kind, _) = train.sensors[unit], train.filters[unit]
-    observer = sensor.observer()
-    if not kind.passes_readings or (observer is sensor and not sensor.needs_belief):
-        return None
-    return UnitJudge(observer, BY_NAME[sensor.stream].message)
+    judge = UnitJudge(sensor, BY_NAME[sensor.stream].message)
+    return None if not kind.passes_readings or (judge.pure and not sensor.needs_belief) else judge
+
+
+def doubts(train: Train) -> Doubts:
+    """Which units of a train may be lying, and the budgets of its train file."""
+    suspects, wheels = [], []
+    for unit, sensor in train.sensors.items():
+        rate = sensor.options.fault_probability
+        if rate is None:
+            rate = sensor.fault_probability
+        readings_per_s = 1.0 if sensor.period_s is None else 1.0 / sensor.period_s
+        balises = sensor.stream == "balise_telegram"
+        never_repeats = sensor.never_repeats and sensor.options.source == "simulation"
+        slips = sensor.slip_probability > 0.0
+        suspects.append(Suspect(unit, rate, readings_per_s, balises, never_repeats, slips, 2 if balises else 10))
+        if sensor.slip_probability > 0.0 and rate > 0.0:
+            wheels.append((unit, sensor.slip_probability))
+    # poor adhesion makes all wheels slip at once
+    groups = ((frozenset(unit for unit, _ in wheels), max(rate for _, rate in wheels)),) if len(wheels) > 1 else ()
+    fusion = train.file.fusion
+    return Doubts(tuple(suspects), groups, fusion.false_alarms_per_hour, fusion.integrity_risk_per_hour)
 
 
 def _world_units(train: Train) -> list[str]:

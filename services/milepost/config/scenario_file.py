@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, Field, model_validator
 
 from milepost.recordings.options import STRICT, DataPath, Span
+from milepost.simulation.faults import FaultEntry
 from milepost_schemas.message import Name
 from milepost_schemas.reading import Solution
 
@@ -33,11 +34,15 @@ class WithheldFile(BaseModel):
 
 
 class EstimatorFile(BaseModel):
-    """An estimator: the scenario's train with `change` and its own rule, run in nodes of its own."""
+    """An estimator: the scenario's train with `change` and its own rule, run in nodes of its own.
+
+    `faults`: in place of those of the scenario or variant.
+    """
 
     model_config = STRICT
     change: dict[str, Any] = Field(default_factory=dict)
     rule: Name | None = None
+    faults: list[FaultEntry] | None = None
 
 
 class VariantFile(BaseModel):
@@ -45,6 +50,7 @@ class VariantFile(BaseModel):
 
     model_config = STRICT
     change: dict[str, Any] = Field(default_factory=dict)
+    faults: list[FaultEntry] | None = None
     compare: list[Builtin] | None = None
     estimators: list[Name] | None = None
     alone: list[Name] | None = None
@@ -84,8 +90,9 @@ class ClaimFile(BaseModel):
 class ScenarioFile(BaseModel):
     """An evaluation: a train, changes to its file, a duration, the estimators to compare, scores and claims.
 
-    `needs`: files without which the scenario is skipped. `seeds`: the largest number of seeds that differ. `scores`: the key in
-    the results → {`score`: a row of the table of scores, where the key is not its name; `within`: a window; its options}.
+    `needs`: files without which the scenario is skipped. `seeds`: the largest number of seeds that differ. `faults`: of the
+    units' sensors, the same for all estimators. `scores`: the key in the results → {`score`: a row of the table of scores,
+    where the key is not its name; `within`: a window; its options}.
     """
 
     model_config = STRICT
@@ -97,6 +104,7 @@ class ScenarioFile(BaseModel):
     seeds: Annotated[int, Field(ge=1)] | None = None
     needs: list[DataPath] = Field(default_factory=list)
     change: dict[str, Any] = Field(default_factory=dict)
+    faults: list[FaultEntry] = Field(default_factory=list)
     compare: list[Builtin] = ["fused", "federated", "centralised"]
     estimators: dict[Name, EstimatorFile] = Field(default_factory=dict)
     alone: list[Name] = Field(default_factory=list)

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BaseModel, Discriminator, Field, Tag, model_validator
 
-from milepost.estimation.fusion import RULES
+from milepost.fusion.rules import RULES
 from milepost.recordings.options import STRICT, DataPath
 from milepost_schemas.message import Name, PositionM, SpeedMps
 
@@ -87,6 +87,8 @@ class FusionFile(BaseModel):
     feedback_every: Annotated[int, Field(ge=1, le=1000)] = 1
     shares: SharesFile = Field(default_factory=dict)
     interval_sigmas: Positive = 5.0
+    false_alarms_per_hour: Positive = 0.01
+    integrity_risk_per_hour: Positive = 1e-4
     lost_above_m: Positive = 100.0
 
     @model_validator(mode="after")
@@ -113,10 +115,11 @@ class MotionModelFile(BaseModel):
 
 
 class TrainFile(BaseModel):
-    """A train: its line, its units in order, how they are fused."""
+    """A train: its line, its units in order, how they are fused. `chaos`: whether faults may be injected while it runs."""
 
     model_config = STRICT
     train: Name
+    chaos: bool = False
     line: DataPath
     motion_model: MotionModelFile
     prior: PriorFile

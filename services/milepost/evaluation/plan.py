@@ -9,12 +9,14 @@ from typing import Any, get_args
 
 import numpy as np
 
+from milepost.config.faults import check_faults
 from milepost.config.scenario_file import Builtin, ScenarioFile, VariantFile, Window, load_scenario
 from milepost.config.train import Train, load_train
 from milepost.config.yaml_files import ConfigError, merged, validate
 from milepost.recordings.gnss_log import RecordedFix
 from milepost.sensors.base import World
 from milepost.sensors.odometer.odometer import Odometer
+from milepost.simulation.faults import FaultEntry
 
 from .recorded_scores import FixesOptions, UnitsOptions, check_recorded_unit
 from .scores import BASIC, BASIC_WITHOUT_TRUTH, SCORES, Figure, Score, UnitOptions
@@ -55,11 +57,14 @@ class Case:
     """One condition: the scenario's own (`name` is empty) or a variant's, and the trains that run under it.
 
     `comparators`: estimator → its train, for the estimators that run nodes of their own beside the scenario's train.
+    `faults`: those of the scenario's train; `own_faults`: of the comparators that have others.
     """
 
     name: str
     train: Train
     comparators: Mapping[str, Train]
+    faults: tuple[FaultEntry, ...]
+    own_faults: Mapping[str, tuple[FaultEntry, ...]]
     compare: tuple[Builtin, ...]
     alone: tuple[str, ...]
     requested: tuple[RequestedScore, ...]
@@ -108,7 +113,9 @@ def _case(path: Path, scenario: ScenarioFile, seed: int, name: str, variant: Var
     if not train.has_scenario_time:
         raise ConfigError(path, f"{place}train", f"{train.path} has neither a `world` nor a recording")
     compare = scenario.compare if variant.compare is None else variant.compare
-    comparators = {}
+    comparators, own_faults = {}, {}
+    faults = scenario.faults if variant.faults is None else variant.faults
+    check_faults(train, faults, path, "faults" if variant.faults is None else f"{place}faults")
     if "federated" in compare:
         comparators["federated"] = _train(path, scenario, seed, [*common, {"fusion": {"rule": "federated"}}], f"{place}change")
     for taken in scenario.estimators.keys() & {*get_args(Builtin), *(f"{unit}_only" for unit in scenario.alone)}:
@@ -121,6 +128,9 @@ def _case(path: Path, scenario: ScenarioFile, seed: int, name: str, variant: Var
         comparators[chosen] = _train(path, scenario, seed, [*common, file.change, *rule], f"estimators.{chosen}")
         if _has_truth(comparators[chosen]) != _has_truth(train):
             raise ConfigError(path, f"estimators.{chosen}.change.world", "either all estimators have a truth, or none")
+        check_faults(comparators[chosen], file.faults or (), path, f"estimators.{chosen}.faults")
+        if file.faults is not None:
+            own_faults[chosen] = tuple(file.faults)
     alone = scenario.alone if variant.alone is None else variant.alone
     # what cannot be compared afterwards is an error before the work, not after it
     for unit in alone:
@@ -131,7 +141,7 @@ def _case(path: Path, scenario: ScenarioFile, seed: int, name: str, variant: Var
     requested = tuple(_requested(path, key, options or {}, scenario, windows) for key, options in scenario.scores.items())
     for each in requested:
         _check_requested(path, train, each)
-    return Case(name, train, comparators, tuple(compare), tuple(alone), requested, tuple(fixes))
+    return Case(name, train, comparators, tuple(faults), own_faults, tuple(compare), tuple(alone), requested, tuple(fixes))
 
 
 def _check_requested(path: Path, train: Train, requested: RequestedScore) -> None:

@@ -10,6 +10,9 @@ from pathlib import Path
 from string import Template
 from typing import Any
 
+from milepost.checks.table import HEADINGS as CHECK_HEADINGS
+from milepost.checks.table import check_rows
+
 from .campaign import Evaluated, Skipped, as_fields
 from .claims import JudgedClaim
 from .plotting import Spans, draw_diameter, draw_errors, draw_shares
@@ -89,7 +92,14 @@ def _figures(name: str, condition: Mapping[str, Any]) -> str:
     alone += [condition["not_scored"]] if "not_scored" in condition else []
     heading = f"<h3>{escape(name)}</h3>" if name else ""
     after = f"<p>{escape(', '.join(alone))}</p>" if alone else ""
+    after += "".join(_checks(each, found) for each, found in condition.get("checks", {}).items())
     return f'{heading}<div class="wide"><table class="figures">{"".join(lines)}</table></div>{after}'
+
+
+def _checks(estimator: str, found: Mapping[str, Any]) -> str:
+    rows = [_line(CHECK_HEADINGS, "th"), *(_line(cells, "td") for cells in check_rows(found))]
+    title = f"<h3>Checks of {escape(estimator)}, the worst seed of each figure</h3>"
+    return f'{title}<div class="wide"><table class="figures">{"".join(rows)}</table></div>'
 
 
 def _pictures(folder: Path, each: Evaluated) -> list[tuple[str, str]]:

@@ -15,7 +15,8 @@ from milepost.estimation.observation import Observation
 from milepost.nodes.base import Output
 from milepost.nodes.observations import POSITION, of_fix, of_reading
 from milepost.offline.memory_bus import Tap
-from milepost.sensors.base import Belief, Observer
+from milepost.sensors.base import Observer
+from milepost.sensors.observed import Belief
 from milepost_schemas import AbsoluteFix, Estimate, Feedback, FusedState, Gaussian, Message, Truth
 
 

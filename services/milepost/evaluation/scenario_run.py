@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from milepost.checks.figures import check_all
 from milepost.config.roles import full_layout, prior
 from milepost.config.yaml_files import ConfigError
 from milepost.estimation.centralised import centralised
@@ -54,7 +55,7 @@ def run_plan(plan: Plan, also: Tap | None, progress: ProgressCallback) -> Run:
 def _run_case(plan: Plan, case: Case, also: Tap | None, progress: ProgressCallback) -> tuple[dict[str, Any], RunLog, Traces]:
     duration_s = plan.scenario.duration_s
     log = RunLog(case.train, also)
-    simulate(case.train, duration_s, log.tap, log.keep, progress)
+    simulate(case.train, duration_s, log.tap, log.keep, progress, case.faults)
     if log.truth and log.truth.keys().isdisjoint(log.live):
         raise ConfigError(plan.path, "duration_s", "the run ends before there is a state to be compared with the truth")
     if not log.live:
@@ -64,7 +65,8 @@ def _run_case(plan: Plan, case: Case, also: Tap | None, progress: ProgressCallba
         traces["fused"] = _of_run(log, settled=True)
     for done, (name, train) in enumerate(case.comparators.items(), start=1):
         comparator = RunLog(train)
-        simulate(train, duration_s, comparator.tap, None, later(progress, done * duration_s))
+        suffers = case.own_faults.get(name, case.faults)
+        simulate(train, duration_s, comparator.tap, None, later(progress, done * duration_s), suffers)
         traces[name] = _of_run(comparator, settled=False)
     if "centralised" in case.compare:
         traces["centralised"] = _centralised(log, None)
@@ -88,6 +90,9 @@ def _figures(plan: Plan, case: Case, log: RunLog, traces: Traces) -> dict[str, A
     result: dict[str, Any] = {"estimators": estimators}
     if not log.truth:
         result["not_scored"] = NOT_SCORED
+    checks = {name: check_all(trace) for name, trace in traces.items()}
+    if any(checks.values()):
+        result["checks"] = {name: found for name, found in checks.items() if found}
     if {"fused", "centralised"} <= set(traces):
         ours, best = estimators["fused"], estimators["centralised"]
         if log.truth:
@@ -115,7 +120,8 @@ def _requested(case: Case, name: str, traces: Traces, world: World | None) -> di
 
 def _of_run(log: RunLog, settled: bool) -> Trace:
     states, names = log.settled if settled else log.live, full_layout(log.train).names
-    trace = trace_of_states(states, log.truth, OFFLINE_START_NS, log.live, log.private, names)
+    known_to_m = {balise.balise_id: balise.location_accuracy_m for balise in log.train.line.balises}
+    trace = trace_of_states(states, log.truth, OFFLINE_START_NS, log.live, log.private, names, known_to_m)
     counted = {unit: (np.array(sorted(times)) - OFFLINE_START_NS) * S_PER_NS for unit, times in log.counted.items()}
     return replace(trace, counted=counted)
 

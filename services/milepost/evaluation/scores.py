@@ -9,6 +9,8 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import BaseModel, Field
 
+from milepost.checks.figures import figures
+from milepost.checks.requirements import CHECKS
 from milepost.config.train import Train
 from milepost.recordings.options import STRICT, Span
 
@@ -189,6 +191,10 @@ def _of_trace(compute: Callable[[Trace], Figure | None], more_is_better: bool = 
     return Score(lambda trace, train, options: compute(trace), NoOptions, more_is_better, needs_truth)  # noqa: ARG005
 
 
+def _of_check(name: str) -> Score:
+    return Score(lambda trace, train, options: figures(name, trace))  # noqa: ARG005
+
+
 def _mean_size(e: Array) -> float:
     return float(np.mean(np.abs(e)))
 
@@ -231,4 +237,5 @@ SCORES: dict[str, Score] = {
     "reacquired_error_m": Score(reacquired_error_m, ReacquiredOptions, needs_truth=False),
     "reacquired_outside_interval": Score(reacquired_outside_interval, ReacquiredOptions, needs_truth=False),
     "false_fixes_accepted": Score(false_fixes_accepted, FixesOptions, needs_truth=False),
+    **{name: _of_check(name) for name in CHECKS},
 }

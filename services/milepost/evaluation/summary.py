@@ -7,6 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from milepost.checks.figures import MORE_IS_BETTER, over_seeds
+
 OF_THE_RUN = (
     "fused_over_centralised",
     "fused_minus_centralised_max_sigma",
@@ -33,10 +35,21 @@ def _condition(results: Sequence[dict[str, Any]], more_is_better: set[str] | fro
     for name, figures in results[0]["estimators"].items():
         values = {key: [r["estimators"][name][key] for r in results if key in r["estimators"][name]] for key in figures}
         estimators[name] = {key: over(v, _median) for key, v in values.items()}
-        estimators[name]["worst"] = {key: over(v, min if key in more_is_better else max) for key, v in values.items()}
+        estimators[name]["worst"] = {key: _worst(key, v, more_is_better) for key, v in values.items()}
     alone = {key: max(r[key] for r in results) for key in OF_THE_RUN if key in results[0]}
     not_scored = {"not_scored": results[0]["not_scored"]} if "not_scored" in results[0] else {}
-    return {"estimators": estimators, **alone, **not_scored}
+    checks = {"checks": over_seeds([r.get("checks", {}) for r in results])} if "checks" in results[0] else {}
+    return {"estimators": estimators, **alone, **not_scored, **checks}
+
+
+def _worst(key: str, values: Sequence[Any], more_is_better: set[str] | frozenset[str]) -> Any:
+    if key in more_is_better:
+        return over(values, min)
+    worst = over(values, max)
+    # of a check, which is a map, some figures are the worse the smaller they are
+    return (
+        {**worst, **{k: v for k, v in over(values, min).items() if k in MORE_IS_BETTER}} if isinstance(worst, dict) else worst
+    )
 
 
 def over(values: Sequence[Any], reduce: Callable[[Sequence[float]], float]) -> Any:

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from milepost.checks.table import check_lines
+
 from .claims import JudgedClaim, SeedStatistics
 from .scores import BASIC, BASIC_WITHOUT_TRUTH
 
@@ -13,15 +15,15 @@ VERDICT = {True: "yes", False: "NO", None: "-"}
 
 
 def estimator_table(result: dict[str, Any]) -> str:
-    """The basic figures, a line for each estimator; then the figures of the whole run; then the variants."""
+    """The basic figures, a line for each estimator; the figures of the whole run; a table of checks; then the variants."""
     lines = [f"{result['scenario']}: seed {result['seed']}, {result['duration_s']:g} s, {result.get('runs', 1)} run(s)"]
-    lines += _condition(result)
+    lines += _condition(result, result.get("runs", 1))
     for name, variant in result.get("variants", {}).items():
-        lines += ["", f"{result['scenario']}, {name}", *_condition(variant)]
+        lines += ["", f"{result['scenario']}, {name}", *_condition(variant, result.get("runs", 1))]
     return "\n".join(lines)
 
 
-def _condition(result: dict[str, Any]) -> list[str]:
+def _condition(result: dict[str, Any], runs: int) -> list[str]:
     columns = tuple(BASIC_WITHOUT_TRUTH) if "not_scored" in result else BASIC
     width = max(17, *map(len, columns)) + 1
     lines = [f"{'':14}" + "".join(f"{key:>{width}}" for key in columns)]
@@ -34,7 +36,8 @@ def _condition(result: dict[str, Any]) -> list[str]:
     if "not_scored" in result:
         lines.append(result["not_scored"])
     alone = {key: value for key, value in result.items() if isinstance(value, (int, float))}
-    return lines + [f"{key}: {value:.9g}" for key, value in alone.items() if key not in ("seed", "duration_s", "runs")]
+    lines += [f"{key}: {value:.9g}" for key, value in alone.items() if key not in ("seed", "duration_s", "runs")]
+    return lines + [line for name, found in result.get("checks", {}).items() for line in ("", *check_lines(name, found, runs))]
 
 
 def _cell(figure: float | None, width: int) -> str:

@@ -10,11 +10,28 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from milepost.checks.monotonic import steps_beyond_travelled_m
 from milepost.estimation.layout import N_COMMON
 from milepost.estimation.time_units import S_PER_NS
 from milepost_schemas import FusedState
 
 Array = NDArray[np.float64]
+# standard deviations within which 95 % of a normal distribution lie
+SIGMAS_OF_95 = 1.959964
+HEADING = {"forward": 1.0, "backward": -1.0}
+PER_EPOCH = (
+    "t_s",
+    "states",
+    "covariance",
+    "truth",
+    "bounds",
+    "accuracy",
+    "since_balise_m",
+    "location_accuracy_m",
+    "lost",
+    "steps_m",
+)
+PER_EPOCH_BY_NAME = ("shares", "private", "private_std")
 
 
 @dataclass(frozen=True)
@@ -22,8 +39,9 @@ class Trace:
     """K epochs of an estimator: those that it shares with the truth, or all of them where there is no truth.
 
     `t_s` (K) scenario time, `states` and `truth` (K, 3) of [s, v, a], `covariance` (K, 3, 3). Where there are messages:
-    `bounds` (K, 4), the published position and speed intervals; `shares` by unit (K); `sent_s`, when live states were sent;
-    `counted` by unit, the times of the observations that reached the fuser, within any window or not.
+    `bounds` (K, 4), the published position and speed intervals; `shares` by unit (K); `sent_s`, when live states were sent,
+    `stamps_s`, what times they were about, and `counted` by unit, the times of the observations that reached the fuser: these
+    three within any window or not. What the checks look at is in `checks.published`.
     `private` and `private_std` (K), by `unit.state`.
     """
 
@@ -37,6 +55,12 @@ class Trace:
     shares: Mapping[str, Array] = field(default_factory=dict)
     private: Mapping[str, Array] = field(default_factory=dict)
     private_std: Mapping[str, Array] = field(default_factory=dict)
+    accuracy: Array | None = None
+    since_balise_m: Array | None = None
+    location_accuracy_m: Array | None = None
+    lost: NDArray[np.bool_] | None = None
+    steps_m: Array | None = None
+    stamps_s: Array | None = None
 
     @property
     def true_states(self) -> Array:
@@ -59,17 +83,11 @@ class Trace:
 
     def within(self, inside: Any) -> Trace:
         """The epochs for which `inside` (K booleans) is true."""
-        return replace(
-            self,
-            t_s=self.t_s[inside],
-            states=self.states[inside],
-            truth=None if self.truth is None else self.truth[inside],
-            covariance=self.covariance[inside],
-            bounds=None if self.bounds is None else self.bounds[inside],
-            shares={name: values[inside] for name, values in self.shares.items()},
-            private={name: values[inside] for name, values in self.private.items()},
-            private_std={name: values[inside] for name, values in self.private_std.items()},
-        )
+        columns = {name: getattr(self, name) for name in PER_EPOCH}
+        kept: dict[str, Any] = {name: column[inside] for name, column in columns.items() if column is not None}
+        for group in PER_EPOCH_BY_NAME:
+            kept[group] = {name: values[inside] for name, values in getattr(self, group).items()}
+        return replace(self, **kept)
 
 
 def trace_of_beliefs(
@@ -106,9 +124,11 @@ def trace_of_states(
     live: Mapping[int, FusedState],
     private: Mapping[int, tuple[list[float], list[float]]],
     names: Sequence[str],
+    location_accuracy_m: Mapping[str, float],
 ) -> Trace:
     """A trace of a fuser's messages: `states` are scored, `live` gives the times of sending, `private` the private states.
 
+    `location_accuracy_m` by balise. Where states do not say how accurate they are without faults, their covariance does.
     Raises ValueError as `trace_of_beliefs` does.
     """
     beliefs = {at: ((s.position_m, s.speed_mps, s.acceleration_mps2), s.covariance) for at, s in states.items()}
@@ -117,14 +137,35 @@ def trace_of_states(
     shares = [{sensor.unit: sensor.share for sensor in state.sensors} for state in chosen]
     means, deviations = _between(private, trace.t_s, start_ns)
     own = list(enumerate(names[N_COMMON:])) if private else []
+    bounds = np.array([(s.position_min_m, s.position_max_m, s.speed_min_mps, s.speed_max_mps) for s in chosen])
+    heading = np.array([HEADING.get(s.direction, 0.0) for s in chosen])
+    reset = np.array([getattr(s, "reset", None) is not None for s in chosen])
+    passed = [s.last_balise for s in chosen]
     return replace(
         trace,
-        bounds=np.array([(s.position_min_m, s.position_max_m, s.speed_min_mps, s.speed_max_mps) for s in chosen]),
+        bounds=bounds,
+        accuracy=np.array([_accuracy(s) for s in chosen]),
+        since_balise_m=np.array([np.nan if each is None else each.distance_since_m for each in passed]),
+        location_accuracy_m=np.array(
+            [0.0 if each is None else location_accuracy_m.get(each.balise_id, 0.0) for each in passed]
+        ),
+        lost=np.array([s.status == "lost" for s in chosen]),
+        steps_m=steps_beyond_travelled_m(trace.t_s, trace.states[:, 1], heading, bounds, reset),
+        stamps_s=np.array([(s.measured_at_ns - start_ns) * S_PER_NS for s in live.values()]),
         sent_s=np.array([(s.published_at_ns - start_ns) * S_PER_NS for s in live.values()]),
         shares={unit: np.array([row.get(unit, 0.0) for row in shares]) for unit in sorted({u for row in shares for u in row})},
         private={name: means[i] for i, name in own},
         private_std={name: deviations[i] for i, name in own},
     )
+
+
+def _accuracy(state: FusedState) -> tuple[float, float]:
+    """The errors that position and speed stay within at 95 % of the epochs, without faults."""
+    stated = getattr(state, "position_accuracy_m", None), getattr(state, "speed_accuracy_mps", None)
+    position, speed = (
+        SIGMAS_OF_95 * state.covariance[i][i] ** 0.5 if accuracy is None else accuracy for i, accuracy in enumerate(stated)
+    )
+    return position, speed
 
 
 def _between(

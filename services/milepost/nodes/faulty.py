@@ -7,10 +7,10 @@ from collections.abc import Iterable
 
 from pydantic import ValidationError
 
-from milepost.simulation.faults import Fault, Injection, Link
-from milepost_schemas import Message
+from milepost.simulation.faults import Fault, FaultEntry, Injection, Link, reason_of
+from milepost_schemas import FaultCommand, Message
 
-from .base import Node, Output
+from .base import Node, Output, Severity, Subscription
 
 
 class Wrapped(Node):
@@ -71,11 +71,34 @@ class FaultyNode(Wrapped):
 
 
 class FaultySensor(Wrapped):
-    """A sensor's node whose readings go through `injection`; its events stay as they are."""
+    """A sensor's node whose readings go through `injection`; its events stay as they are.
 
-    def __init__(self, inner: Node, injection: Injection) -> None:
+    `takes_commands`: whether faults begin and end by messages while it runs.
+    """
+
+    def __init__(self, inner: Node, injection: Injection, takes_commands: bool = False) -> None:
         super().__init__(inner)
         self._injection = injection
+        if takes_commands:
+            self.subscriptions = [*inner.subscriptions, Subscription("chaos", inner.unit)]
+
+    def step(self, message: Message, now_ns: int) -> Iterable[Output]:
+        """Begin or end faults on command, and say so in an event."""
+        if not isinstance(message, FaultCommand):
+            return super().step(message, now_ns)
+        severity, code, text = self._obey(message, now_ns)
+        return (self.inner.event(severity, code, f"{self.unit}: {text} ({message.instance})", now_ns),)
+
+    def _obey(self, command: FaultCommand, now_ns: int) -> tuple[Severity, str, str]:
+        if command.kind is None:
+            ended = ", ".join(fault.kind for fault in self._injection.clear()) or "there was none"
+            return "info", "fault_cleared", f"injected faults ended: {ended}"
+        try:
+            fault = fault_of(command, (now_ns - self._injection.start_ns) * 1e-9)
+            self._injection.begin(fault)
+        except ValueError as error:
+            return "warning", "fault_refused", reason_of(error)
+        return "warning", "fault_injected", f"fault injected: {fault.text}"
 
     def carry(self, output: Output, now_ns: int) -> Iterable[tuple[Output, float]]:
         """What the unit's faults make of a reading; a reading that no message can hold is refused, as any other."""
@@ -84,7 +107,14 @@ class FaultySensor(Wrapped):
         try:
             sent = self._injection.send(output.message)
         except ValidationError as error:
-            first = error.errors(include_url=False)[0]
-            text = f"{self.unit}: {'.'.join(map(str, first['loc']))}: {first['msg']}"
-            return [(refused, 0.0) for refused in self.inner.refuse("invalid_reading", text, now_ns)]
+            refused = self.inner.refuse("invalid_reading", f"{self.unit}: {reason_of(error)}", now_ns)
+            return [(event, 0.0) for event in refused]
         return [(output._replace(message=message), delay_s) for message, delay_s in sent]
+
+
+def fault_of(command: FaultCommand, from_s: float) -> FaultEntry:
+    """The fault that a command asks for, from `from_s` on. Raises ValidationError."""
+    # a whole number may be meant for a count as well as for a quantity
+    numbers = {name: int(value) if value.is_integer() else value for name, value in command.numbers.items()}
+    head = {"unit": command.unit, "kind": command.kind, "from_s": from_s, "for_s": command.for_s}
+    return FaultEntry.model_validate({**numbers, **command.words, **command.flags, **head})

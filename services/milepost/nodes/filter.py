@@ -12,7 +12,8 @@ from pydantic import ValidationError
 from milepost.estimation.filters.base import LocalFilter
 from milepost.estimation.layout import N_COMMON
 from milepost.estimation.observation import FUTURE_NS, Observation
-from milepost.sensors.base import Belief, Observed, Sensor
+from milepost.sensors.base import Sensor
+from milepost.sensors.observed import Belief, Observed
 from milepost_schemas import Estimate, Feedback, Message
 
 from .base import Node, Output, Subscription
@@ -175,8 +176,8 @@ class FilterNode(Node):
             self.refusals.add("duplicate" if epoch == self._feedback.measured_at_ns else "superseded")
             return
         # An excluded unit has share 0 and takes no feedback, with two exceptions: the first feedback, to begin from, and
-        # feedback to an observer that is gating, which must see when its readings agree with the fused state again.
-        if share <= 0.0 and (self._feedback is None or self._observer.gating):
+        # feedback to an observer that judges by it, which must see when its readings agree with the fused state again.
+        if share <= 0.0 and (self._feedback is None or self._observer is not self._sensor):
             share = self._estimator.share
         if share < LEAST_SHARE:
             return

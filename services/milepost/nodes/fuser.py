@@ -6,19 +6,23 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 
-from milepost.estimation.fusion import RULES, Fused, LocalBelief
 from milepost.estimation.observation import FUTURE_NS, Observation
+from milepost.fusion.rule import Fused, LocalBelief
+from milepost.fusion.rules import RULES
 from milepost.track.line import Line
 from milepost_schemas import AbsoluteFix, Estimate, Feedback, FusedState, Gaussian, Message, Refused
 
 from .base import Node, Output, Subscription
+from .decisions import Decisions, only_decided
 from .fuser_settings import FuserSettings
 from .observations import of_estimate, of_fix, whole_readings
+from .presence import note_judgements
 from .roster import UNKNOWN, Presence, Roster
 from .state_writer import StateWriter
 
 # live epochs older than this are skipped
 BACKLOG_NS = 1_000_000_000
+INTERVAL = ("position_min_m", "position_max_m", "speed_min_mps", "speed_max_mps")
 # how long the first epoch waits for units without any reading
 HOLD_NS = 1_000_000_000
 
@@ -33,9 +37,17 @@ class FuserNode(Node):
         self.subscriptions = [Subscription("estimate"), Subscription("fix")]
         self._settings = settings
         self._rule = RULES[settings.rule](
-            settings.layout, settings.jerk_psd, settings.prior, settings.horizon_ns, settings.feedback, settings.judges
+            settings.layout,
+            settings.jerk_psd,
+            settings.prior,
+            settings.horizon_ns,
+            settings.feedback,
+            settings.judges,
+            settings.doubts,
         )
         self._roster = Roster(settings.units, settings.shares, settings.deadline_ns)
+        self._decisions = Decisions(settings.doubts.threshold)
+        self._filtered = {row.unit for row in settings.units if row.fused} - settings.judges.keys()
         self._orders = {row.unit: row.order for row in settings.units}
         self._writer = StateWriter(line, settings.period_ns, settings.sigmas, settings.lost_above_m)
         self._feedback: Feedback | None = None
@@ -123,20 +135,7 @@ class FuserNode(Node):
         taken = {o.measured_at_ns for o, reason in zip(observations, reasons, strict=False) if reason is None}
         if judge is None:
             taken |= {reading.measured_at_ns for reading in estimate.readings if not reading.counts}
-        self._note_judgements(estimate, [row for row in rows if row.measured_at_ns in taken], taken)
-
-    def _note_judgements(self, estimate: Estimate, rows: list[Observation], taken: set[int]) -> None:
-        """Note the filter's judgements: shares use them, and so does the presence of units that the fuser does not judge."""
-        unit, judged = estimate.unit, {r.measured_at_ns for r in estimate.readings}
-        for reading in estimate.readings:
-            if reading.measured_at_ns in taken and reading.counts:
-                self._roster.counted(unit, reading.measured_at_ns)
-            elif reading.measured_at_ns in taken and reading.why is not None:
-                self._roster.refused(unit, reading.measured_at_ns, reading.why, reading.gating)
-        for row in rows:
-            self._roster.informed(unit, row)
-            if row.measured_at_ns not in judged:
-                self._roster.counted(unit, row.measured_at_ns)
+        note_judgements(self._roster, estimate, [row for row in rows if row.measured_at_ns in taken], taken)
 
     def _take_fix(self, fix: AbsoluteFix, now_ns: int) -> Iterable[Output]:
         order = self._orders.get(fix.reader)
@@ -144,6 +143,10 @@ class FuserNode(Node):
             yield from self.refuse("unknown_unit", f"{fix.reader} is not in the train file", now_ns)
             return
         observation = of_fix(fix, order)
+        if fix.doubtful is not None and self._rule.needs_shares:
+            # a rule without a bank of hypotheses cannot take a fix back
+            yield from self.refuse("doubtful", f"{fix.reader}: fix at {fix.balise_id}: {fix.doubtful}", now_ns)
+            return
         reason = self._rule.take_fix(observation, now_ns)
         if reason is None:
             self._writer.passed(fix)
@@ -198,7 +201,7 @@ class FuserNode(Node):
         if fused is None:
             return None
         if presence is None or roster.follows_state:
-            presence = roster.at(epoch_ns, live, fused.verdicts, fused.speed_mps, fused.variances)
+            presence = roster.at(epoch_ns, live, only_decided(fused.verdicts, self._filtered), fused.speed_mps, fused.variances)
         return fused, presence
 
     def _publish(self, epoch_ns: int, missing: list[str], now_ns: int) -> Iterator[Output]:
@@ -207,13 +210,17 @@ class FuserNode(Node):
             return
         fused, presence = made
         self._fused_before = fused
+        for severity, code, text in self._decisions.news(fused):
+            yield self.event(severity, code, text, now_ns)
         since_ns = max(fused.since_ns, self._resumed_ns)
         head = self.head("state", epoch_ns, now_ns)
-        yield Output("state", "", self._writer.write(head, fused, presence, since_ns, missing, settled=False))
+        state = self._writer.write(head, fused, presence, since_ns, missing, settled=False)
+        yield Output("state", "", state)
         if self._settings.feedback and epoch_ns // self._settings.period_ns % self._settings.feedback_every == 0:
             body = Gaussian(states=self._rule.names, mean=fused.mean, covariance=fused.covariance)
             head = self.head("feedback", epoch_ns, now_ns)
-            self._feedback = Feedback(**head, fused=body, shares=dict(presence.shares))
+            interval = {name: getattr(state, name) for name in INTERVAL}
+            self._feedback = Feedback(**head, fused=body, shares=dict(presence.shares), **interval)
             yield Output("feedback", "", self._feedback)
 
     def settled_states(self, now_ns: int | None) -> Iterator[FusedState]:

@@ -7,7 +7,8 @@ from dataclasses import dataclass, field
 
 from milepost.estimation.estimator import Prior
 from milepost.estimation.layout import Layout
-from milepost.estimation.shares import Shares
+from milepost.fusion.hypotheses import Doubts
+from milepost.fusion.shares import Shares
 
 from .judges import UnitJudge
 from .roster import UnitRow
@@ -17,7 +18,8 @@ from .roster import UnitRow
 class FuserSettings:
     """The settings of fusion in a train file; `sigmas` and `lost_above_m` as in `state_writer`.
 
-    `judges`: the units whose readings are linearised and judged here instead of in their filters.
+    `judges`: the units whose readings are linearised and judged here instead of in their filters. `doubts`: which units may
+    be lying, and how much risk is accepted.
     """
 
     rule: str
@@ -34,3 +36,4 @@ class FuserSettings:
     layout: Layout
     units: list[UnitRow]
     judges: Mapping[str, UnitJudge] = field(default_factory=dict)
+    doubts: Doubts = field(default_factory=Doubts)

@@ -8,9 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from milepost.estimation.judging import LinearRow
 from milepost.estimation.layout import Array
-from milepost.sensors.base import Belief, Observer
+from milepost.fusion.readings import LinearRow, StackedRow
+from milepost.sensors.base import Sensor
+from milepost.sensors.observed import Belief
 from milepost_schemas import Message
 
 # a valid message may still hold values that the arithmetic cannot use
@@ -19,11 +20,12 @@ LEAST_VARIANCE, LARGEST_VARIANCE = 1e-12, 1e15
 
 
 class UnitJudge:
-    """One unit's observer. `message` is the schema of its readings."""
+    """How the fuser observes one unit. `message` is the schema of its readings; `pure`: nothing is remembered."""
 
-    def __init__(self, observer: Observer, message: type[Message]) -> None:
-        self.message = message
-        self._observer = observer
+    def __init__(self, sensor: Sensor[Any], message: type[Message]) -> None:
+        self._sensor, self._observer = sensor, sensor.model()
+        self.message, self.pure = message, self._observer is sensor
+        observer = self._observer
         self._start = observer.memory
 
     def start(self) -> Any:
@@ -51,3 +53,15 @@ class UnitJudge:
         if not all(math.isfinite(value) and LEAST_VARIANCE <= R <= LARGEST_VARIANCE for _, value, R in rows):
             return (), memory, None, "unusable"
         return rows, observer.memory, observer.gating, observer.refused
+
+    def each(self, reading: Any, means: Array, covariances: Array) -> Sequence[StackedRow]:
+        """A reading's rows at each of H beliefs, from a sensor that remembers nothing; none where one is not usable."""
+        try:
+            rows = self._sensor.observe_each(reading, means, covariances)
+        except UNUSABLE:
+            return ()
+        for row in rows:
+            least, largest = np.min(row.variance), np.max(row.variance)
+            if not (np.isfinite(row.value).all() and least >= LEAST_VARIANCE and largest <= LARGEST_VARIANCE):
+                return ()
+        return rows

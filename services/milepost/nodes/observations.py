@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from milepost.estimation.observation import Observation
-from milepost.sensors.base import Observed
+from milepost.sensors.observed import Observed
 from milepost_schemas import AbsoluteFix, Estimate, Message, from_fields
 
 POSITION = (1.0, 0.0, 0.0)

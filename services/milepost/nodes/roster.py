@@ -6,10 +6,10 @@ from bisect import bisect_left, bisect_right, insort
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-from milepost.estimation.judging import Verdict
 from milepost.estimation.observation import Observation
-from milepost.estimation.shares import Shares
 from milepost.estimation.time_units import S_PER_NS
+from milepost.fusion.shares import Shares
+from milepost.fusion.verdicts import Verdict
 
 STALE_NS = 1_000_000_000
 # the window over which a unit's information is summed; twice its period where that is longer, so that it holds a reading
@@ -199,7 +199,11 @@ class Roster:
         for name, unit in self._units.items():
             if live and unit.gone:
                 excluded[name] = "process gone"
-            elif unit.row.fused:
+            elif not unit.row.fused:
+                reader = verdicts.get(name)
+                if reader is not None and (reader.excluded is not None or reader.refused is not None):
+                    excluded[name] = reader.excluded.kind if reader.excluded is not None else reader.refused or ""
+            else:
                 verdict = verdicts.get(name) or unit.verdict_at(epoch_ns)
                 reason = _exclusion_reason(verdict, epoch_ns, unit.stale_ns)
                 if reason == "silent" and live and epoch_ns - unit.arrived_ns <= unit.stale_ns:
@@ -228,6 +232,8 @@ def _exclusion_reason(verdict: Verdict, epoch_ns: int, stale_ns: int) -> str | N
         return "never heard"
     if epoch_ns - verdict.heard_ns > stale_ns:
         return "silent"
+    if verdict.excluded is not None:
+        return verdict.excluded.kind
     if verdict.gating is not None:
         return verdict.gating
     if verdict.counted_ns is None or epoch_ns - verdict.counted_ns > stale_ns:

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import math
 from bisect import bisect_right, insort
 from typing import Any
 
-from milepost.estimation.fusion import Fused
-from milepost.estimation.integrity import interval
+from milepost.fusion.integrity import interval
+from milepost.fusion.rule import Fused
 from milepost.track.line import Line
 from milepost_schemas import AbsoluteFix, FusedState
 from milepost_schemas.state import Status
 
 from .roster import Presence
 
+# of 95 % of a normal distribution
+ACCURACY_SIGMAS = 1.96
 INITIALISING_NS = 1_000_000_000
 STANDSTILL_MPS = 0.05
 KEPT_FIXES = 512
@@ -46,15 +49,20 @@ class StateWriter:
         """The state at `head["measured_at_ns"]`: a function of the observations until then and, live, of tokens."""
         line, at_ns = self._line, head["measured_at_ns"]
         (s, v, a), P = fused.mean[:3], [row[:3] for row in fused.covariance[:3]]
-        place = bisect_right(self._fixes, at_ns, key=lambda fix: fix[0])
-        last = self._fixes[place - 1] if place else None
+        last, reset = self._last_fix(at_ns, fused), fused.reset
+        just = reset is not None and at_ns - self._period_ns < reset.at_ns <= at_ns
         inside = abs(s) < FARTHEST_M and abs(v) < FASTEST_MPS
         if not inside:
             s, v = min(max(s, -FARTHEST_M), FARTHEST_M), min(max(v, -FASTEST_MPS), FASTEST_MPS)
-        low, high = interval(s, P[0][0], self._sigmas, line.map_accuracy_m + (last[3] if last else self._worst_accuracy_m))
-        slow, fast = interval(v, P[1][1], self._sigmas)
+        accuracy_m = line.map_accuracy_m + (last[3] if last else self._worst_accuracy_m)
+        if fused.bounds is not None and inside:
+            (low, high), (slow, fast) = fused.bounds
+            low, high = low - accuracy_m, high + accuracy_m
+        else:
+            low, high = interval(s, P[0][0], self._sigmas, accuracy_m)
+            slow, fast = interval(v, P[1][1], self._sigmas)
         latitude, longitude = line.track.locate(s) if line.track is not None else (None, None)
-        status: Status = self._status(at_ns - since_ns, high - s, presence) if inside else "lost"
+        status: Status = self._status(at_ns - since_ns, high - s, fused, presence) if inside else "lost"
         fields = {
             **head,
             "epoch": at_ns // self._period_ns,
@@ -66,6 +74,8 @@ class StateWriter:
             "position_max_m": high,
             "speed_min_mps": slow,
             "speed_max_mps": fast,
+            "position_accuracy_m": ACCURACY_SIGMAS * math.sqrt(max(P[0][0], 0.0)),
+            "speed_accuracy_mps": ACCURACY_SIGMAS * math.sqrt(max(P[1][1], 0.0)),
             "direction": "standstill" if abs(v) < STANDSTILL_MPS else "forward" if v > 0.0 else "backward",
             "status": status,
             "line": line.name,
@@ -75,16 +85,24 @@ class StateWriter:
             "last_balise": last and {"balise_id": last[1], "position_m": last[2], "distance_since_m": s - last[2]},
             "sensors": [{"unit": u, "share": presence.shares[u], "age_s": age} for u, age in presence.ages_s.items()],
             "excluded": [{"unit": u, "reason": reason} for u, reason in presence.excluded.items()],
+            "doubted": list(fused.doubted),
+            "reset": (reset and just and {"size_m": reset.size_m, "size_mps": reset.size_mps, "reason": reset.reason}) or None,
             "awaiting": missing,
             "settled": settled,
         }
         return FusedState.model_validate(fields)
 
-    def _status(self, since_start_ns: int, reach_m: float, presence: Presence) -> Status:
+    def _last_fix(self, at_ns: int, fused: Fused) -> tuple[int, str, float, float] | None:
+        """The last fix until then that no hypothesis refused that leads."""
+        odd = {at for verdict in fused.verdicts.values() for at in verdict.odd_ns}
+        place = bisect_right(self._fixes, at_ns, key=lambda fix: fix[0])
+        return next((fix for fix in reversed(self._fixes[max(0, place - KEPT_FIXES) : place]) if fix[0] not in odd), None)
+
+    def _status(self, since_start_ns: int, reach_m: float, fused: Fused, presence: Presence) -> Status:
         if reach_m > self._lost_above_m:
             return "lost"
         if not presence.ages_s:
             return "coasting"
         if since_start_ns < INITIALISING_NS:
             return "initialising"
-        return "degraded" if presence.excluded else "normal"
+        return "degraded" if presence.excluded or fused.doubted else "normal"

@@ -6,7 +6,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar, Generic, Literal, NamedTuple, Protocol, TypeVar
+from typing import Annotated, Any, ClassVar, Generic, Literal, Protocol, TypeVar
 
 from pydantic import BaseModel, Field
 
@@ -21,6 +21,8 @@ from milepost.simulation.noise import standard_normal
 from milepost.track.line import Line
 from milepost_schemas import BY_NAME
 
+from .observed import Belief, Observed, Stacked, stacked
+
 
 class SensorOptions(BaseModel):
     """A unit's entry in a train file. `filter` names a row of the filter table, alone or as `kind` beside its options."""
@@ -32,6 +34,7 @@ class SensorOptions(BaseModel):
     recording: RecordingOptions | None = None
     filter: str | dict[str, Any] | None = "kalman"
     withhold_s: list[Span] = Field(default_factory=list, description="spans [from, to) of scenario time without readings")
+    fault_probability: Annotated[float, Field(ge=0.0, lt=1.0)] | None = None
 
 
 class Simulated(BaseModel):
@@ -46,21 +49,6 @@ D = TypeVar("D", bound=SensorOptions)
 def as_simulated(options: D, simulated: Simulated) -> D:
     """A unit's options with those of its `simulated` block in their place."""
     return options.model_copy(update=simulated.model_dump(exclude_none=True))
-
-
-class Belief(NamedTuple):
-    """The belief of a unit's filter at a reading's time: mean (n), covariance (n, n) over [s, v, a, own private]."""
-
-    mean: Array
-    covariance: Array
-
-
-class Observed(NamedTuple):
-    """A reading as one scalar observation: row h over [s, v, a, own private], value z, variance R."""
-
-    row: tuple[float, ...]
-    value: float
-    variance: float
 
 
 class WheelCreep(Protocol):
@@ -119,6 +107,11 @@ class Sensor(ABC, Generic[O]):
     kind: ClassVar[str]
     stream: ClassVar[str]
     options_model: ClassVar[type[SensorOptions]]
+    # that such a device lies at any moment, where the train file does not say; and that all wheels of a train slip together
+    fault_probability: ClassVar[float] = 1e-4
+    slip_probability: ClassVar[float] = 0.0
+    # whether the noise of the device makes every reading another one
+    never_repeats: ClassVar[bool] = False
 
     # a sensor by itself has no memory of its readings
     memory: Any = None
@@ -152,9 +145,18 @@ class Sensor(ABC, Generic[O]):
     def observe(self, reading: Any, belief: Belief | None) -> Sequence[Observed]:
         """A reading as observations, linearised, where need be, at `belief`."""
 
+    def observe_each(self, reading: Any, means: Array, covariances: Array) -> list[Stacked]:
+        """A reading's rows at each of H beliefs, means (H, k), covariances (H, k, k): `observe`, for all at once."""
+        beliefs = map(Belief, means, covariances)
+        return stacked([self.observe(reading, belief) for belief in beliefs], means.shape[1])
+
     def observer(self) -> Observer:
         """The observer in a filter's process: the sensor itself, where no memory is needed."""
         return self
+
+    def model(self) -> Observer:
+        """How the fuser observes: the sensor itself where a reading says all there is to say, else an observer."""
+        return self.observer()
 
     def snapshot(self, belief: Belief, at_ns: int) -> bytes | None:  # noqa: ARG002
         """The calibration in a belief that is stored for the next run; None where there is none."""

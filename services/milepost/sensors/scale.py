@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated
+from typing import Annotated, Any
 
+import numpy as np
 from pydantic import Field, model_validator
 
-from milepost.estimation.layout import N_COMMON, PrivateState
+from milepost.estimation.layout import N_COMMON, Array, PrivateState
 from milepost.simulation.noise import MarkovNoise, WalkNoise
 
-from .base import Belief, Observed, SensorOptions, World
+from .base import Belief, Observed, SensorOptions, Stacked, World
 
 SCALE = N_COMMON
 
@@ -80,11 +81,25 @@ def scaled_speed(speed_mps: float, variance_m2ps2: float, belief: Belief | None,
         row = (0.0, 1.0, 0.0, -speed_mps)
         return Observed(row, speed_mps, ((1.0 + scale.prior_mean) ** 2 + scale.prior_std**2) * variance_m2ps2)
     v, k, P = float(belief.mean[1]), float(belief.mean[SCALE]), belief.covariance
-    P_vv, P_kv, P_kk = float(P[1, 1]), float(P[1, SCALE]), float(P[SCALE, SCALE])
+    moments = float(P[1, 1]), float(P[1, SCALE]), float(P[SCALE, SCALE])
+    expected, value, variance = _linearised(speed_mps, variance_m2ps2, v, k, *moments)
+    return Observed((0.0, 1.0, 0.0, -expected), value, variance)
+
+
+def scaled_speeds(speed_mps: float, variance_m2ps2: float, means: Array, covariances: Array) -> Stacked:
+    """`scaled_speed` at each of H beliefs, means (H, 4), covariances (H, 4, 4)."""
+    moments = covariances[:, 1, 1], covariances[:, 1, SCALE], covariances[:, SCALE, SCALE]
+    expected, value, variance = _linearised(speed_mps, variance_m2ps2, means[:, 1], means[:, SCALE], *moments)
+    rows = np.zeros((len(means), 4))
+    rows[:, 1], rows[:, SCALE] = 1.0, -expected
+    return Stacked(rows, value, variance)
+
+
+def _linearised(z: float, R: float, v: Any, k: Any, P_vv: Any, P_kv: Any, P_kk: Any) -> tuple[Any, Any, Any]:
+    """The expected reading, the value and the variance of `scaled_speed`, for numbers and for arrays."""
     mu = 1.0 + k
     expected = v / mu
     hPh = P_vv - 2.0 * expected * P_kv + expected * expected * P_kk
     c = P_kv - expected * P_kk
-    value = expected + mu * (speed_mps - expected) + c / mu
-    variance = mu * mu * variance_m2ps2 + (P_kk * hPh + c * c) / (mu * mu)
-    return Observed((0.0, 1.0, 0.0, -expected), value, variance)
+    value = expected + mu * (z - expected) + c / mu
+    return expected, value, mu * mu * R + (P_kk * hPh + c * c) / (mu * mu)

@@ -6,9 +6,15 @@ import hashlib
 import json
 from bisect import bisect_right
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from .track import Track
+
+Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,6 +53,18 @@ class Line:
             return gradient[min(i, len(gradient) - 1)][1]
         (from_m, from_slope), (to_m, to_slope) = gradient[i - 1], gradient[i]
         return from_slope + (position_m - from_m) / (to_m - from_m) * (to_slope - from_slope)
+
+    def slopes_at(self, positions_m: Array) -> Array:
+        """`slope_at` at many positions."""
+        if not self.gradient:
+            return np.zeros(len(positions_m))
+        at_m, slopes = self._profile
+        return np.interp(positions_m, at_m, slopes)
+
+    @cached_property
+    def _profile(self) -> tuple[Array, Array]:
+        at_m, slopes = np.array(self.gradient).T
+        return at_m, slopes
 
     def in_tunnel(self, position_m: float) -> bool:
         """Whether a position lies in a tunnel, [from, to)."""

@@ -31,6 +31,8 @@ class Gnss(Sensor[GnssOptions]):
     kind = "gnss"
     stream = "position_reading"
     options_model = GnssOptions
+    fault_probability = 3e-3
+    never_repeats = True
 
     @property
     def private_states(self) -> tuple[PrivateState, ...]:

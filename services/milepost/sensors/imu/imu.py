@@ -6,14 +6,15 @@ import math
 from collections.abc import Sequence
 from typing import Annotated
 
+import numpy as np
 from pydantic import Field, model_validator
 
-from milepost.estimation.layout import PrivateState
+from milepost.estimation.layout import Array, PrivateState
 from milepost.recordings.measured import Measured, Source
 from milepost.simulation.noise import MarkovNoise, WhiteNoise
 from milepost_schemas import InertialReading
 
-from ..base import Belief, Observed, Observer, PeriodicSource, Sensor, SensorOptions, Simulated, World, as_simulated
+from ..base import Belief, Observed, Observer, PeriodicSource, Sensor, SensorOptions, Simulated, Stacked, World, as_simulated
 from .learned_error import InertialErrorModel
 from .learning import LearningUnit, LearnOptions
 
@@ -76,6 +77,7 @@ class Imu(Sensor[ImuOptions]):
     kind = "imu"
     stream = "inertial_reading"
     options_model = ImuOptions
+    never_repeats = True
 
     @property
     def private_states(self) -> tuple[PrivateState, ...]:
@@ -110,6 +112,15 @@ class Imu(Sensor[ImuOptions]):
             R += 0.25 * (self._gravity(s + reach) - self._gravity(s - reach)) ** 2
         row = (0.0, 0.0, 1.0) + (1.0,) * len(self.private_states)
         return (Observed(row, reading.specific_force_mps2[0] - gravity, R),)
+
+    def observe_each(self, reading: InertialReading, means: Array, covariances: Array) -> list[Stacked]:
+        """`observe` at each belief; h is the same for all."""
+        s, reach = means[:, 0], np.sqrt(np.maximum(covariances[:, 0, 0], 0.0))
+        slopes = self.line.slopes_at(np.concatenate([s, s + reach, s - reach]))
+        here, ahead, behind = np.split(GRAVITY_MPS2 * slopes / np.sqrt(1.0 + slopes * slopes), 3)
+        R = self.options.noise_density_mps2_rthz**2 / reading.mean_over_s + 0.25 * (ahead - behind) ** 2
+        row = np.array((0.0, 0.0, 1.0) + (1.0,) * len(self.private_states))
+        return [Stacked(row, reading.specific_force_mps2[0] - here, R)]
 
     def observer(self) -> Observer:
         """The unit itself, or one that learns."""

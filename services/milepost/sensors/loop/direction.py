@@ -4,7 +4,11 @@ from __future__ import annotations
 
 import math
 
-from ..base import Belief, Observed
+import numpy as np
+
+from milepost.estimation.layout import Array
+
+from ..base import Belief, Observed, Stacked
 from .options import SIGMAS
 
 SPEED = (0.0, 1.0, 0.0)
@@ -68,3 +72,14 @@ def signed(speed_mps: float, variance_m2ps2: float, belief: Belief | None) -> tu
         return ()
     equivalent = 1.0 / (1.0 / variance - 1.0 / P)
     return (Observed(SPEED, v + (mean - v) * (equivalent + P) / P, equivalent),)
+
+
+def signed_each(speed_mps: float, variance_m2ps2: float, means: Array, covariances: Array) -> Stacked | None:
+    """`signed` at each of H beliefs, where every one of them knows the sign; None where one does not."""
+    z, R = speed_mps, variance_m2ps2
+    if z < 0.0:
+        return Stacked(np.array(SPEED), z, R)
+    v = means[:, 1]
+    if (np.abs(2.0 * z * v) < CERTAIN * (covariances[:, 1, 1] + R)).any():
+        return None
+    return Stacked(np.array(SPEED), np.copysign(z, v), R)

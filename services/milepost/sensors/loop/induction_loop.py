@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+from milepost.estimation.layout import Array
 from milepost.recordings.measured import Source
 
-from ..base import Belief, Observed, Sensor, World
+from ..base import Belief, Observed, Sensor, Stacked, World
 from ..pulses import NEGLIGIBLE
 from .count import Faults, pitches
-from .direction import SPEED, signed
+from .direction import SPEED, signed, signed_each
 from .options import InductionLoopOptions
 from .simulated import SimulatedLoop
 
@@ -32,6 +33,7 @@ class InductionLoop(Sensor[InductionLoopOptions]):
     kind = "induction_loop"
     stream = "speed_reading"
     options_model = InductionLoopOptions
+    never_repeats = True
 
     @property
     def needs_belief(self) -> bool:
@@ -47,6 +49,14 @@ class InductionLoop(Sensor[InductionLoopOptions]):
         if faults is not None and dt > 0.0:
             z, R = self._counted(z, R, dt, belief, faults)
         return signed(z, R, belief)
+
+    def observe_each(self, reading: Any, means: Array, covariances: Array) -> list[Stacked]:
+        """`observe` at each belief."""
+        if reading.speed_mps is not None and self.options.faults is None:
+            together = signed_each(reading.speed_mps, reading.speed_variance_m2ps2, means, covariances)
+            if together is not None:
+                return [together]
+        return super().observe_each(reading, means, covariances)
 
     def _counted(
         self, speed_mps: float, variance_m2ps2: float, dt: float, belief: Belief | None, faults: Faults

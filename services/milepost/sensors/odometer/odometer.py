@@ -8,13 +8,13 @@ from typing import Annotated, Any
 
 from pydantic import BaseModel, Field
 
-from milepost.estimation.layout import PrivateState
+from milepost.estimation.layout import Array, PrivateState
 from milepost.recordings.measured import Source
 from milepost.recordings.options import STRICT
 
-from ..base import Belief, Observed, Observer, Sensor, World
+from ..base import Belief, Observed, Observer, Sensor, Stacked, World
 from ..pulses import PulseOptions
-from ..scale import SCALE, scaled_speed
+from ..scale import SCALE, scaled_speed, scaled_speeds
 from .calibration import Calibration, as_knowledge, from_bytes, to_bytes
 from .device import CountedPulses, TimedPulses, Wheel
 from .slip import SlipOptions, WheelWatch
@@ -69,6 +69,9 @@ class Odometer(Sensor[OdometerOptions]):
     kind = "odometer"
     stream = "speed_reading"
     options_model = OdometerOptions
+    # a slip is a lie like any other
+    fault_probability = 3e-3
+    slip_probability = 3e-3
 
     @property
     def private_states(self) -> tuple[PrivateState, ...]:
@@ -88,6 +91,12 @@ class Odometer(Sensor[OdometerOptions]):
         variance = self.options.limits.bound_variance(bound, reading.interval_s, phases)
         return (Observed((0.0, 1.0, 0.0, 0.0), 0.0, variance),)
 
+    def observe_each(self, reading: Any, means: Array, covariances: Array) -> list[Stacked]:
+        """`observe` at each belief."""
+        if reading.speed_mps is None:
+            return super().observe_each(reading, means, covariances)
+        return [scaled_speeds(reading.speed_mps, reading.speed_variance_m2ps2, means, covariances)]
+
     def snapshot(self, belief: Belief, at_ns: int) -> bytes | None:
         """The scale in the belief, to be stored."""
         std = math.sqrt(max(float(belief.covariance[SCALE, SCALE]), 0.0))
@@ -102,6 +111,10 @@ class Odometer(Sensor[OdometerOptions]):
     def observer(self) -> Observer:
         """Watches for spin and slide, and reports the diameter."""
         return WheelWatch(self.observe, self.options.slip, self.options.diameter_m)
+
+    def model(self) -> Observer:
+        """The wheel as it is when it grips: whether it slips, the fuser's hypotheses tell."""
+        return self
 
     def open(self, world: World | None, from_s: float) -> Source:
         """Simulated pulses of a wheel that wears and creeps."""

@@ -8,12 +8,12 @@ from typing import Annotated, Any, TypeVar
 
 from pydantic import Field
 
-from milepost.estimation.layout import PrivateState
+from milepost.estimation.layout import Array, PrivateState
 from milepost.recordings.options import Span
 from milepost.simulation.noise import MarkovNoise, WhiteNoise
 
-from ..base import Belief, Observed, Sensor, Simulated, World, as_simulated
-from ..scale import ScaleOptions, TrueScale, scaled_speed
+from ..base import Belief, Observed, Sensor, Simulated, Stacked, World, as_simulated
+from ..scale import ScaleOptions, TrueScale, scaled_speed, scaled_speeds
 from .dropouts import Dropouts, within
 
 NonNegative = Annotated[float, Field(ge=0.0)]
@@ -192,6 +192,7 @@ class RadarSensor(Sensor[R]):
     """
 
     stream = "speed_reading"
+    never_repeats = True
 
     @property
     def private_states(self) -> tuple[PrivateState, ...]:
@@ -220,3 +221,9 @@ class RadarSensor(Sensor[R]):
         if scale is None:
             return (Observed((0.0, 1.0, 0.0), z, variance),)
         return (scaled_speed(z, variance, belief, scale),)
+
+    def observe_each(self, reading: Any, means: Array, covariances: Array) -> list[Stacked]:
+        """`observe` at each belief."""
+        if reading.speed_mps is None or not self.options.signed or self.options.scale is None:
+            return super().observe_each(reading, means, covariances)
+        return [scaled_speeds(reading.speed_mps, reading.speed_variance_m2ps2, means, covariances)]

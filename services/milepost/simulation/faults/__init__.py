@@ -1,7 +1,7 @@
 """Faults: of the links between processes, and of what a unit's sensor sends."""
 
 from .effect import FaultKind, Sent, Surroundings
-from .entry import FaultEntry
+from .entry import FaultEntry, reason_of
 from .injection import Injection
 from .link import Fault, Link, delayed, silent
 from .table import FAULTS
@@ -16,5 +16,6 @@ __all__ = [
     "Sent",
     "Surroundings",
     "delayed",
+    "reason_of",
     "silent",
 ]

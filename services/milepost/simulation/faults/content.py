@@ -28,55 +28,75 @@ class Options(BaseModel):
 
 
 class Size(Options):
+    """Of bias and jump."""
+
     size: float = Field(description="in the unit's measure: m/s of a speed, m along the track, m/s² of forward force")
 
 
 class Rate(Options):
+    """Of ramp."""
+
     rate: float = Field(description="the unit's measure (m/s, m along the track, m/s²) per second")
 
 
 class Factor(Options):
+    """Of scale."""
+
     factor: float = Field(description="the speed, or the forward force, is multiplied by it")
 
 
 class Noise(Options):
+    """Of noise."""
+
     factor: Positive = Field(description="noise of so many standard deviations is added")
     std: Positive | None = Field(None, description="the standard deviation; default: the reading's, or the unit's, own")
 
 
 class Intermittent(Options):
+    """Of intermittent."""
+
     size: float = Field(description="as of bias")
     period_s: Positive = Field(2.0, description="s from one onset to the next")
     duty: Annotated[float, Field(gt=0.0, lt=1.0)] = Field(0.5, description="the part of the period for which it is on")
 
 
 class Spin(Options):
+    """Of spin."""
+
     ratio: Positive = Field(description="the wheel turns at (1 + ratio) times the train's speed")
 
 
 class Slide(Options):
+    """Of slide."""
+
     ratio: Annotated[float, Field(ge=-1.0, lt=0.0)] = Field(
         description="the wheel turns at (1 + ratio) times the train's speed"
     )
 
 
 class FalseRtk(Options):
+    """Of false_rtk."""
+
     along_m: float = Field(0.0, description="m along the track")
     beside_m: float = Field(7.0, description="m to the right of the track")
     std_m: Positive = Field(0.02, description="the standard deviation that the receiver states, if it states one")
 
 
 class Drag(Options):
+    """Of drag."""
+
     rate_mps: float = Field(description="m/s along the track")
     with_speed: bool = Field(False, description="whether the receiver's speed goes with its position")
 
 
 class Restamp(Options):
+    """Of restamp."""
+
     age_s: Annotated[float, Field(gt=0.0, le=LONGEST_AGE_S)] = Field(20.0, description="age of the content, s")
 
 
 class NoOptions(Options):
-    pass
+    """Of a fault that has none."""
 
 
 def shifted(reading: Any, size: float, now: Moment) -> Any:
@@ -122,18 +142,22 @@ def _place(track: Track, position_m: float) -> tuple[float, float]:
 
 
 def bias(options: Size, now: Moment, reading: Any) -> list[Sent]:
+    """z + b."""
     return [Sent(shifted(reading, options.size, now))]
 
 
 def ramp(options: Rate, now: Moment, reading: Any) -> list[Sent]:
+    """z + r t, t the time since the onset."""
     return [Sent(shifted(reading, options.rate * now.since_s, now))]
 
 
 def scale(options: Factor, now: Moment, reading: Any) -> list[Sent]:  # noqa: ARG001
+    """k z."""
     return [Sent(scaled(reading, options.factor))]
 
 
 def intermittent(options: Intermittent, now: Moment, reading: Any) -> list[Sent]:
+    """z + b for the first part of every period, z for the rest."""
     on = now.since_s % options.period_s < options.duty * options.period_s
     return [Sent(shifted(reading, options.size, now) if on else reading)]
 
@@ -168,12 +192,14 @@ def creep(options: Spin | Slide, now: Moment, reading: Any) -> list[Sent]:
 
 
 def false_rtk(options: FalseRtk, now: Moment, reading: PositionReading) -> list[Sent]:
+    """A position beside the track that calls itself RTK-fixed, with the standard deviation of one."""
     stated = None if reading.horizontal_std_m is None else options.std_m
     wrong = carried(reading, options.along_m, options.beside_m, now)
     return [Sent(wrong.model_copy(update={"solution": "rtk_fixed", "horizontal_std_m": stated}))]
 
 
 def drag(options: Drag, now: Moment, reading: PositionReading) -> list[Sent]:
+    """The position, and with it the speed where asked, goes ahead of the train at a constant rate."""
     wrong = carried(reading, options.rate_mps * now.since_s, 0.0, now)
     if options.with_speed and reading.speed_mps is not None:
         wrong = wrong.model_copy(update={"speed_mps": reading.speed_mps + options.rate_mps})
@@ -181,6 +207,7 @@ def drag(options: Drag, now: Moment, reading: PositionReading) -> list[Sent]:
 
 
 def stuck(options: NoOptions, now: Moment, reading: Any) -> list[Sent]:  # noqa: ARG001
+    """The content of the last honest reading before the onset under this reading's head."""
     return [Sent(with_content_of(now.onset, reading))]
 
 

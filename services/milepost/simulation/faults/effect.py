@@ -18,7 +18,7 @@ HEAD = tuple(Message.model_fields)
 
 @dataclass(frozen=True)
 class Surroundings:
-    """What a unit's faults depend on besides its readings.
+    """What a unit's faults depend on besides its readings: its stream and kind of sensor, and where it is.
 
     `motion`: the true one, None where there is no truth. `seed`: of noise. `position_std_m` by solution and
     `force_noise_mps2_rthz`: the unit's noise where its readings do not state it.
@@ -26,6 +26,7 @@ class Surroundings:
 
     unit: str
     stream: str
+    sensor: str
     line: Line
     motion: Motion | None = None
     seed: int = 0

@@ -13,6 +13,15 @@ from milepost_schemas.message import Name
 from .table import FAULTS
 
 
+def reason_of(error: ValueError) -> str:
+    """The first mistake as `field: what is wrong`."""
+    if not isinstance(error, ValidationError):
+        return str(error)
+    first = error.errors(include_url=False)[0]
+    text = first["msg"].removeprefix("Value error, ")
+    return ": ".join([*([".".join(map(str, first["loc"]))] if first["loc"] else []), text])
+
+
 class FaultEntry(BaseModel):
     """A fault `kind` of a unit's readings from `from_s` of scenario time, for `for_s` or to the end, and the kind's options.
 
@@ -32,13 +41,21 @@ class FaultEntry(BaseModel):
         try:
             self.options()
         except ValidationError as error:
-            first = error.errors(include_url=False)[0]
-            name, text = ".".join(map(str, first["loc"])), first["msg"].lower()
-            if first["type"] == "extra_forbidden":
-                known = FAULTS[self.kind].options.model_fields
-                text = f"not an option of {self.kind}" + (f", which has {', '.join(known)}" if known else ", which has none")
-            raise ValueError(f"{name}: {text}") from error
+            text = reason_of(error)
+            if error.errors()[0]["type"] == "extra_forbidden":
+                known = ", ".join(FAULTS[self.kind].options.model_fields)
+                text = f"{error.errors()[0]['loc'][0]}: not an option of {self.kind}, which has {known or 'none'}"
+            raise ValueError(text) from error
         return self
+
+    @property
+    def text(self) -> str:
+        """The fault in a line: kind, options, duration."""
+        told = {name: value for name, value in self.options() if value is not None}
+        options = ", ".join(
+            f"{name} {value:g}" if isinstance(value, float) else f"{name} {value}" for name, value in told.items()
+        )
+        return " ".join([self.kind, *([f"({options})"] if options else []), *([f"for {self.for_s:g} s"] if self.for_s else [])])
 
     @property
     def to_s(self) -> float:
@@ -53,9 +70,9 @@ class FaultEntry(BaseModel):
         """The reason for which a unit with this stream of readings and kind of sensor cannot have the fault; None: it can."""
         row = FAULTS[self.kind]
         if stream not in row.streams:
-            return f"{self.kind} does not fit a {stream}, but {' or '.join(row.streams)}"
+            return f"{self.kind} does not fit {stream}, but {' or '.join(row.streams)}"
         if row.sensors and sensor not in row.sensors:
-            return f"{self.kind} does not fit a {sensor}, but {' or '.join(row.sensors)}"
+            return f"{self.kind} does not fit {sensor}, but {' or '.join(row.sensors)}"
         if row.needs_motion and not has_motion:
             return f"{self.kind} needs a train with a `world`"
         return None

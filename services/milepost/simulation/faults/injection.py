@@ -6,6 +6,8 @@ from collections import deque
 from collections.abc import Iterable
 from typing import Any
 
+from pydantic import ValidationError
+
 from milepost_schemas import Message
 
 from .content import LONGEST_AGE_S
@@ -24,9 +26,6 @@ class _Active:
         self._row, self._options = FAULTS[entry.kind], entry.options()
         self._count = 0
         self._onset: Any = None
-
-    def acts_at(self, t_s: float) -> bool:
-        return self.entry.from_s <= t_s < self.entry.to_s
 
     def apply(self, reading: Any, t_s: float, earlier: deque[Any], around: Surroundings) -> list[Sent]:
         if self._row.passes_over is not None and self._row.passes_over(self._options, self._count, reading):
@@ -47,23 +46,29 @@ class _Active:
 class Injection:
     """The faults of a unit: what is sent in the place of each honest reading. Scenario time 0 is at `start_ns`.
 
-    Faults act by the time at which a reading is true, one after another in the order in which they were added. Sequence
-    numbers count what is sent: what a fault keeps back leaves no gap.
+    Faults act by the time at which a reading is true, one after another in the order in which they were begun. Sequence
+    numbers count what is sent: what a fault keeps back leaves no gap. Raises ValueError for a fault that does not fit the unit.
     """
 
     def __init__(self, around: Surroundings, start_ns: int, entries: Iterable[FaultEntry] = ()) -> None:
         self.around = around
         self.start_ns = start_ns
-        self._active = [_Active(entry) for entry in entries]
+        self._active: list[_Active] = []
         self._earlier: deque[Any] = deque()
         self._kept_back = 0
+        for entry in entries:
+            self.begin(entry)
 
-    def add(self, entry: FaultEntry) -> None:
-        """Begin a fault."""
+    def begin(self, entry: FaultEntry) -> None:
+        """Have one more fault. Raises ValueError for one that does not fit the unit."""
+        around = self.around
+        misfit = entry.misfit(around.stream, around.sensor, around.motion is not None)
+        if misfit is not None:
+            raise ValueError(misfit)
         self._active.append(_Active(entry))
 
     def clear(self) -> list[FaultEntry]:
-        """End all faults; returns them."""
+        """End all faults; returns those that were not over."""
         ended = [active.entry for active in self._active]
         self._active = []
         return ended
@@ -77,7 +82,8 @@ class Injection:
         while earlier[0].measured_at_ns < reading.measured_at_ns - REMEMBERED_NS:
             earlier.popleft()
         t_s = (reading.measured_at_ns - self.start_ns) * 1e-9
-        acting = [active for active in self._active if active.acts_at(t_s)]
+        self._active = [active for active in self._active if t_s < active.entry.to_s]
+        acting = [active for active in self._active if t_s >= active.entry.from_s]
         if not acting:
             return [Sent(reading)]
         sent = [Sent(reading)]
@@ -87,6 +93,11 @@ class Injection:
                 for before in sent
                 for out in active.apply(before.message, t_s, earlier, self.around)
             ]
+        try:
+            sent = [Sent(type(out.message).model_validate(out.message.model_dump()), out.delay_s) for out in sent]
+        except ValidationError:
+            self._kept_back += 1
+            raise
         if not sent:
             self._kept_back += 1
-        return [Sent(type(out.message).model_validate(out.message.model_dump()), out.delay_s) for out in sent]
+        return sent

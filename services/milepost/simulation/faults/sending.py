@@ -10,49 +10,68 @@ from milepost_schemas import BaliseTelegram
 from milepost_schemas.message import Name
 
 from ..motion import Motion, when_at
-from .content import Options, Positive
+from .content import Options
 from .effect import Moment, Sent
 
 # a train that does not come to a moved balise within this reads nothing
 LONGEST_WAIT_S = 60.0
+# a clock that is farther off is found by its date
+LONGEST_S = 3600.0
 
 
 class Seconds(Options):
-    by_s: Positive = Field(description="s")
+    """Of delay and late_stamp."""
+
+    by_s: Annotated[float, Field(gt=0.0, le=LONGEST_S)] = Field(description="s")
 
 
 class Step(Options):
-    by_s: float = Field(description="s; the clock is ahead where positive")
+    """Of clock_step."""
+
+    by_s: Annotated[float, Field(ge=-LONGEST_S, le=LONGEST_S)] = Field(description="s; the clock is ahead where positive")
 
 
 class Duplicate(Options):
+    """Of duplicate."""
+
     times: Annotated[int, Field(ge=1, le=100)] = Field(5, description="copies beside the reading itself")
-    offset_ms: float = Field(0.0, description="each copy is stamped so much later than the one before it, ms")
+    offset_ms: Annotated[float, Field(ge=-1e6, le=1e6)] = Field(
+        0.0, description="each copy is stamped so much later than the one before it, ms"
+    )
 
 
 class OfBalise(Options):
+    """Of missed_balise; the other faults of balises have it too."""
+
     balise: Name | None = Field(None, description="only telegrams of this balise")
 
 
 class WrongBalise(OfBalise):
+    """Of wrong_balise."""
+
     says: Name | None = Field(None, description="the id in the telegram; default: the next balise's")
     once: bool = Field(True, description="only the first telegram")
 
 
 class MovedBalise(OfBalise):
+    """Of moved_balise."""
+
     offset_m: float = Field(description="m by which the balise lies farther along the line than the map says")
     once: bool = Field(True, description="only the first telegram")
 
 
 def drop_out(options: Any, now: Moment, reading: Any) -> list[Sent]:  # noqa: ARG001
+    """Nothing."""
     return []
 
 
 def delay(options: Seconds, now: Moment, reading: Any) -> list[Sent]:  # noqa: ARG001
+    """The reading, stamped honestly and sent later."""
     return [Sent(reading, options.by_s)]
 
 
 def duplicate(options: Duplicate, now: Moment, reading: Any) -> list[Sent]:  # noqa: ARG001
+    """The reading, and copies of it under instances of their own."""
     step_ns = round(options.offset_ms * 1e6)
     return [Sent(reading)] + [
         Sent(
@@ -87,6 +106,7 @@ def other_telegram(options: OfBalise, count: int, telegram: BaliseTelegram) -> b
 
 
 def wrong_balise(options: WrongBalise, now: Moment, telegram: BaliseTelegram) -> list[Sent]:
+    """The telegram with another balise's id."""
     said = options.says or _next_balise(now, telegram.balise_id)
     return [Sent(telegram.model_copy(update={"balise_id": said}))]
 

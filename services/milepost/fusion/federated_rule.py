@@ -1,132 +1,28 @@
-"""THE TABLE OF FUSION RULES: how the fuser makes one state of estimates and fixes."""
+"""The rule `federated`: the sources' weighted mean of the filters' beliefs."""
 
 from __future__ import annotations
 
 from bisect import bisect_right, insort
 from collections.abc import Mapping, Sequence
-from typing import ClassVar, NamedTuple, Protocol
+from typing import ClassVar
 
 import numpy as np
 
+from milepost.estimation.estimator import Prior, kernel_for
+from milepost.estimation.kalman import update
+from milepost.estimation.layout import COMMON, Array, Layout
+from milepost.estimation.motion import transition
+from milepost.estimation.observation import Identity, Observation, Place, untimely
 from milepost.estimation.time_units import S_PER_NS
+from milepost.estimation.timeline import Counters
 
-from .estimator import Estimator, Prior, kernel_for
 from .federated import fuse
-from .judging import Judge, Judged, JudgingKernel, Verdict
-from .kalman import update
-from .layout import COMMON, Array, Layout
-from .motion import transition
-from .observation import Identity, Observation, Place, untimely
-from .timeline import Counters
+from .hypotheses import Doubts
+from .readings import Judge
+from .rule import NO_DOUBTS, NO_JUDGES, Fused, LocalBelief
 
 # deleting from the front of a list costs its length, so it is done for many entries at once
 FORGET_AT_LEAST = 64
-NO_JUDGES: Mapping[str, Judge] = {}
-
-
-class LocalBelief(NamedTuple):
-    """A filter's mean and covariance at a time; `fed`: it contains feedback, and so has the same origin as the others."""
-
-    at_ns: int
-    mean: list[float]
-    covariance: list[list[float]]
-    fed: bool
-
-
-class Fused(NamedTuple):
-    """A fused mean and covariance, the judges' last verdicts by unit, and the time of the first fused state."""
-
-    mean: list[float]
-    covariance: list[list[float]]
-    verdicts: Mapping[str, Verdict]
-    since_ns: int
-
-    @property
-    def speed_mps(self) -> float:
-        """The fused speed."""
-        return self.mean[1]
-
-    @property
-    def variances(self) -> tuple[float, float, float]:
-        """The variances of [s, v, a]."""
-        P = self.covariance
-        return P[0][0], P[1][1], P[2][2]
-
-
-class FusionRule(Protocol):
-    """The interface of a fusion rule. `take_...` return the reason for a refusal, None where an observation is accepted.
-
-    `needs_shares`: whether the fused state depends on the shares.
-    """
-
-    needs_shares: ClassVar[bool]
-    names: list[str]
-    counters: Counters
-
-    def take_estimate(
-        self, unit: str, belief: LocalBelief, observations: Sequence[Observation], now_ns: int
-    ) -> list[str | None]: ...
-    def take_fix(self, fix: Observation, now_ns: int) -> str | None: ...
-    def start_from(self, at_ns: int, mean: Array, covariance: Array) -> None: ...
-    def state_at(self, at_ns: int, shares: Mapping[str, float]) -> Fused | None: ...
-    def advance_to(self, now_ns: int) -> None: ...
-
-
-class InformationFusion:
-    """Milepost's rule: one timeline over the full state takes every filter's observations; it equals a centralised filter.
-
-    A unit with a judge sends whole readings, which are linearised and judged here at their place in time.
-    Rejected: the information increment as a difference of beliefs, P⁻¹ - P̄⁻¹. It is optimal without private states, but
-    with them 1.13 to 1.5 times the optimum and overconfident when filters restart: a private prior is counted again.
-    """
-
-    needs_shares: ClassVar[bool] = False
-
-    def __init__(
-        self,
-        layout: Layout,
-        jerk_psd: float,
-        prior: Prior,
-        horizon_ns: int,
-        feedback: bool,  # noqa: ARG002
-        judges: Mapping[str, Judge] = NO_JUDGES,
-    ) -> None:
-        def judging(layout: Layout, q: float) -> JudgingKernel:
-            return JudgingKernel(kernel_for(layout, q), layout, judges)
-
-        self.estimator = Estimator(layout, jerk_psd, prior, horizon_ns, kernels=judging)
-        self.names = layout.names
-        self.counters = self.estimator.counters
-
-    def take_estimate(
-        self,
-        unit: str,  # noqa: ARG002
-        belief: LocalBelief,  # noqa: ARG002
-        observations: Sequence[Observation],
-        now_ns: int,
-    ) -> list[str | None]:
-        """Insert the observations; the belief is not needed."""
-        return [self.estimator.insert(o, now_ns) for o in observations]
-
-    def take_fix(self, fix: Observation, now_ns: int) -> str | None:
-        """Insert the fix as one observation."""
-        return self.estimator.insert(fix, now_ns)
-
-    def start_from(self, at_ns: int, mean: Array, covariance: Array) -> None:
-        """Continue from an earlier fused state."""
-        self.estimator.start_from(at_ns, mean, covariance)
-
-    def state_at(self, at_ns: int, shares: Mapping[str, float]) -> Fused | None:  # noqa: ARG002
-        """The belief over all states from all observations until then."""
-        judged: Judged | None = self.estimator.raw_at(at_ns)
-        if judged is None or judged.since_ns is None:
-            return None
-        mean, covariance = self.estimator.kernel.lists(judged)
-        return Fused(mean, covariance, judged.verdicts, judged.since_ns)
-
-    def advance_to(self, now_ns: int) -> None:
-        """Fold settled observations into the base."""
-        self.estimator.advance_to(now_ns)
 
 
 class FederatedFusion:
@@ -149,6 +45,7 @@ class FederatedFusion:
         horizon_ns: int,
         feedback: bool,
         judges: Mapping[str, Judge] = NO_JUDGES,  # noqa: ARG002
+        doubts: Doubts = NO_DOUBTS,  # noqa: ARG002
     ) -> None:
         self.names = list(COMMON)
         self.counters = Counters()
@@ -238,9 +135,3 @@ class FederatedFusion:
 def row_now(row: tuple[float, ...], age_s: float) -> Array:
     """A row h over [s, v, a] of `age_s` ago as a row over the present state: h F(-T), process noise over T neglected."""
     return np.asarray(np.array(row[:3]) @ transition(-age_s))
-
-
-RULES: dict[str, type[InformationFusion] | type[FederatedFusion]] = {
-    "information": InformationFusion,
-    "federated": FederatedFusion,
-}

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from .layout import Array
+from milepost.estimation.layout import Array
 
 
 def fuse(beliefs: Sequence[tuple[Array, Array]]) -> tuple[Array, Array]:

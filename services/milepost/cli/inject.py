@@ -1,0 +1,131 @@
+"""`milepost inject`: make a sensor of a running train lie."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, get_args
+
+from pydantic.fields import FieldInfo
+
+from milepost.config.errors import ConfigError
+from milepost.config.mistakes import must_be_one_of, nearest
+from milepost.runtime.bus import NoRouterError
+from milepost.runtime.chaos import NoAnswerError, send_command
+from milepost.simulation.faults import FAULTS, FaultEntry, FaultKind, reason_of
+
+FLAGS = {"true": True, "yes": True, "false": False, "no": False}
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """What the command line asks for; `options`: those of the fault, as they were typed. `train` may be empty."""
+
+    unit: str
+    fault: str
+    options: Sequence[str]
+    for_s: float | None
+    clear: bool
+    train: str
+
+
+def run_inject(wanted: Wanted, connect: list[str], as_json: bool) -> int:
+    """Send the command and show the sensor's answer. 0: done; 1: nobody there; 2: refused. Raises ConfigError."""
+    fields = _fields(wanted)
+    try:
+        answer = send_command(connect, wanted.train, wanted.unit, fields)
+    except (NoRouterError, NoAnswerError) as error:
+        print(f"milepost: {error}", file=sys.stderr)
+        return 1
+    refused = answer.code == "fault_refused"
+    text = answer.text.rpartition(" (")[0]
+    if as_json:
+        print(json.dumps({"train": answer.train, "unit": answer.unit, "done": not refused, "answer": text, **fields}))
+    else:
+        print(f"milepost: {answer.train}: {text}", file=sys.stderr if refused else sys.stdout)
+    return 2 if refused else 0
+
+
+def _fields(wanted: Wanted) -> dict[str, Any]:
+    """The fields of the command. Raises ConfigError."""
+    if not wanted.unit or wanted.unit.startswith("-"):
+        raise ConfigError("inject", "UNIT", "required; a fault's options come after UNIT and FAULT")
+    if wanted.clear:
+        if wanted.fault or wanted.options or wanted.for_s is not None:
+            raise ConfigError("inject", "--clear", "ends all faults of a unit; name no other")
+        return {}
+    if wanted.fault not in FAULTS:
+        raise ConfigError("inject", "FAULT", must_be_one_of(FAULTS, wanted.fault))
+    options = _options(FAULTS[wanted.fault], wanted.options)
+    try:
+        FaultEntry.model_validate({"unit": wanted.unit, "kind": wanted.fault, "from_s": 0.0, "for_s": wanted.for_s, **options})
+    except ValueError as error:
+        raise ConfigError("inject", wanted.fault, reason_of(error)) from error
+    return {
+        "kind": wanted.fault,
+        "for_s": wanted.for_s,
+        "numbers": {name: float(v) for name, v in options.items() if isinstance(v, int | float) and not isinstance(v, bool)},
+        "words": {name: v for name, v in options.items() if isinstance(v, str)},
+        "flags": {name: v for name, v in options.items() if isinstance(v, bool)},
+    }
+
+
+def _options(row: FaultKind, typed: Sequence[str]) -> dict[str, Any]:
+    """The options of a fault from `--name value` and `--name=value`. Raises ConfigError."""
+    known, out, left = row.options.model_fields, {}, list(typed)
+    while left:
+        word, given, value = left.pop(0).partition("=")
+        name = word.removeprefix("--").replace("-", "_")
+        if not word.startswith("--") or name not in known:
+            listed = ", ".join(_typed(other) for other in known) or "none"
+            raise ConfigError("inject", word, f"{row.name} has the options {listed}{nearest(word, map(_typed, known))}")
+        if not given:
+            if not left:
+                raise ConfigError("inject", word, "needs a value")
+            value = left.pop(0)
+        out[name] = _value(word, known[name], value)
+    return out
+
+
+def _typed(name: str) -> str:
+    return f"--{name.replace('_', '-')}"
+
+
+def _value(option: str, field: FieldInfo, text: str) -> Any:
+    kinds = {field.annotation, *get_args(field.annotation)}
+    if bool in kinds:
+        if text not in FLAGS:
+            raise ConfigError("inject", option, must_be_one_of(FLAGS, text))
+        return FLAGS[text]
+    if float not in kinds and int not in kinds:
+        return text
+    try:
+        return int(text) if int in kinds else float(text)
+    except ValueError:
+        what = "a whole number" if int in kinds else "a number"
+        raise ConfigError("inject", option, f"must be {what}, not {text!r}") from None
+
+
+def run_list(as_json: bool) -> int:
+    """Show the table of faults."""
+    if as_json:
+        print(json.dumps([_row(row) for row in FAULTS.values()]))
+        return 0
+    for row in FAULTS.values():
+        fits = ", ".join(row.sensors or row.streams) + (", simulated" if row.needs_motion else "")
+        print(f"{row.name:<14} {row.purpose} [{fits}]")
+        for name, field in row.options.model_fields.items():
+            default = "required" if field.is_required() else "" if field.default is None else f"default {field.default}"
+            print(f"    {_typed(name):<14} {field.description}" + (f" ({default})" if default else ""))
+    return 0
+
+
+def _row(row: FaultKind) -> dict[str, Any]:
+    options = {
+        name: {"about": field.description, "required": field.is_required()}
+        | ({} if field.is_required() else {"default": field.default})
+        for name, field in row.options.model_fields.items()
+    }
+    return {"fault": row.name, "about": row.purpose, "streams": row.streams, "sensors": row.sensors, "options": options}

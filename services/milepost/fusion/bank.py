@@ -1,0 +1,182 @@
+"""The bank of hypotheses: the belief without each unit in turn, beside the belief with all, in one timeline."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from milepost.estimation.kalman import KEPT_INTERVALS
+from milepost.estimation.layout import Array, Layout
+from milepost.estimation.motion import full_process_noise, full_transition
+from milepost.estimation.observation import Observation
+
+from .bank_state import CHANNELS, Bank
+from .evidence import SUMS, extended, statistics
+from .hypotheses import NOBODY, Doubts, Flags
+from .isolation import Finding, Isolation
+from .readings import Judge, Linear, linear_rows, said_by
+from .verdicts import Verdict
+
+# so many refused fixes are remembered
+KEPT_ODD = 32
+
+
+class BankKernel:
+    """The two steps of a timeline over all hypotheses at once; a hypothesis takes nothing from the units that it leaves out.
+
+    So the belief without a unit never heard it, and excluding the unit is choosing another row: exact, whenever it began to
+    lie. Each hypothesis linearises at its own belief.
+    """
+
+    def __init__(self, layout: Layout, jerk_psd: float, judges: Mapping[str, Judge], doubts: Doubts) -> None:
+        self.layout, self.jerk_psd, self.doubts = layout, jerk_psd, doubts
+        self._judges = judges
+        self._isolation = Isolation(layout, doubts)
+        self._steps: dict[float, tuple[Array, Array]] = {}
+
+    # --- beliefs in and out
+
+    def prior(self, mean: Array, covariance: Array) -> Bank:
+        """The prior before the first observation."""
+        return self._begin(mean, covariance, {u: Verdict(j.start()) for u, j in self._judges.items()}, None)
+
+    def pack(self, mean: Array, covariance: Array) -> Bank:
+        """A belief on a running train: every hypothesis starts from it; the judges restart with an empty memory."""
+        return self._begin(mean, covariance, {u: Verdict(j.restart()) for u, j in self._judges.items()}, 0)
+
+    def _begin(self, mean: Array, covariance: Array, verdicts: dict[str, Verdict], since_ns: int | None) -> Bank:
+        for suspect in self.doubts.suspects:
+            verdicts.setdefault(suspect.unit, Verdict(None))
+        rows = self._isolation.rows(NOBODY)
+        H, channels = len(rows.sets), CHANNELS * len(self.doubts.suspects)
+        return Bank(
+            rows,
+            np.tile(np.asarray(mean, dtype=float), (H, 1)),
+            np.tile(np.asarray(covariance, dtype=float), (H, 1, 1)),
+            alive=np.ones(H, dtype=bool),
+            dead_ns=(0,) * H,
+            sums=np.zeros((H, channels, SUMS)),
+            counts=(0,) * channels,
+            strikes=np.zeros((H, channels), dtype=int),
+            nu=np.zeros((H, channels)),
+            verdicts=verdicts,
+            since_ns=since_ns,
+        )
+
+    def unpack(self, state: Bank) -> tuple[Array, Array]:
+        """The mean (n) and covariance (n, n) of the leading hypothesis."""
+        return state.x[state.leader], state.P[state.leader]
+
+    def lists(self, state: Bank) -> tuple[list[float], list[list[float]]]:
+        """The same as lists, for messages."""
+        return state.x[state.leader].tolist(), state.P[state.leader].tolist()
+
+    # --- the two steps
+
+    def advance(self, state: Bank, dt_s: float) -> Bank:
+        """All hypotheses `dt_s` seconds later."""
+        if state.since_ns is None:
+            return state
+        step = self._steps.get(dt_s)
+        if step is None:
+            if len(self._steps) >= KEPT_INTERVALS:
+                self._steps.clear()
+            step = full_transition(dt_s, self.layout), full_process_noise(dt_s, self.jerk_psd, self.layout)
+            self._steps[dt_s] = step
+        F, Q = step
+        return state._replace(x=state.x @ F.T, P=F @ state.P @ F.T + Q)
+
+    def take(self, state: Bank, observation: Observation) -> Bank:
+        """All hypotheses after one observation, or after a whole reading."""
+        unit, at_ns = observation.unit, observation.measured_at_ns
+        state = self._repeated(state, observation)
+        if observation.reading is None:
+            row = Linear(np.array(observation.row), observation.value, observation.variance)
+            return self._counted(self._observe(state, unit, 0, row, at_ns), unit, at_ns)
+        before = state.verdicts[unit]
+        rows, memory, gating, refused = linear_rows(self._judges[unit], self.layout, unit, before.memory, observation, state)
+        heard = before._replace(memory=memory, heard_ns=at_ns, gating=gating, refused=refused)
+        state = state._replace(verdicts={**state.verdicts, unit: heard})
+        for component, row in enumerate(rows):
+            state = self._observe(state, unit, min(component, CHANNELS - 1), row, at_ns)
+        return self._counted(state, unit, at_ns) if rows else state
+
+    def _repeated(self, state: Bank, observation: Observation) -> Bank:
+        suspect = self.doubts.by_unit.get(observation.unit)
+        if suspect is None or not suspect.never_repeats:
+            return state
+        said, verdict = said_by(observation), state.verdicts[observation.unit]
+        repeats = verdict.repeats + 1 if said is not None and said == verdict.said else 0
+        return state._replace(verdicts={**state.verdicts, observation.unit: verdict._replace(said=said, repeats=repeats)})
+
+    def _counted(self, state: Bank, unit: str, at_ns: int) -> Bank:
+        since_ns = at_ns if state.since_ns is None else state.since_ns
+        verdict = state.verdicts.get(unit, Verdict(None))._replace(heard_ns=at_ns)
+        if unit not in state.rows.excluded and verdict.refused is None:
+            verdict = verdict._replace(counted_ns=at_ns)
+        return state._replace(since_ns=since_ns, verdicts={**state.verdicts, unit: verdict})
+
+    def _observe(self, state: Bank, unit: str, component: int, row: Linear, at_ns: int) -> Bank:
+        """Test one scalar observation against every hypothesis, and update those that use the unit."""
+        x, P, h = state.x, state.P, row.h
+        if h.ndim == 1:
+            g = P @ h
+            S, nu = g @ h + row.R, row.z - x @ h
+        else:
+            g = (P @ h[:, :, None])[:, :, 0]
+            S, nu = (g * h).sum(axis=1) + row.R, row.z - (x * h).sum(axis=1)
+        uses = state.rows.uses(unit)
+        if row.present is not None:
+            uses = uses & row.present
+        suspect = self.doubts.by_unit.get(unit)
+        if suspect is None:
+            return _updated(state, h, g, S, nu, row.R, uses)
+        e = nu / np.sqrt(S)
+        if row.present is not None:
+            e = np.where(row.present, e, 0.0)
+        channel = self._isolation.channel(unit) + component
+        odd = uses & (np.abs(e) > self.doubts.threshold) if suspect.odd_alone else None
+        tested, worst, tests = _tested(state, channel, e, nu, odd)
+        if odd is not None:
+            verdict = state.verdicts[unit]
+            strange = bool(odd[state.leader])
+            odd_ns = (*verdict.odd_ns[-KEPT_ODD:], at_ns) if strange else verdict.odd_ns
+            verdict = verdict._replace(refused="does not fit" if strange else None, odd_ns=odd_ns)
+            tested = tested._replace(verdicts={**state.verdicts, unit: verdict})
+        taken = uses if odd is None else uses & ~odd
+        after = _updated(tested, h, g, S, nu, row.R, taken)
+        return self._isolation.decide(state, after, Finding(unit, at_ns, uses, worst, tests, nu))
+
+
+def _tested(state: Bank, channel: int, e: Array, nu: Array, odd: Flags | None) -> tuple[Bank, Array, Array]:
+    """The bank with the sums of its tests, the worst test (H) and all tests (H, 7) after the normalised innovations e (H).
+
+    `odd` (H): where one reading by itself is refused: it does not enter the sums, and the second in a row tells against the
+    unit.
+    """
+    counted = e if odd is None else np.where(odd, 0.0, e)
+    innovations, sums, counts = state.nu.copy(), state.sums.copy(), list(state.counts)
+    innovations[:, channel] = nu
+    sums[:, channel] = extended(sums[:, channel], counted)
+    counts[channel] += 1
+    tests = statistics(sums[:, channel], counted, counts[channel])
+    worst = tests.max(axis=1)
+    out = state._replace(nu=innovations, sums=sums, counts=tuple(counts))
+    if odd is not None:
+        strikes = state.strikes.copy()
+        strikes[:, channel] = np.where(odd, strikes[:, channel] + 1, 0)
+        worst = np.where(strikes[:, channel] >= 2, np.inf, worst)
+        out = out._replace(strikes=strikes)
+    return out, worst, tests
+
+
+def _updated(state: Bank, h: Array, g: Array, S: Array, nu: Array, R: Any, taken: Flags) -> Bank:
+    """The bank after the update in Joseph's form (see `kalman.update`), with gain 0 in the rows that do not take it."""
+    K = np.where(taken, 1.0 / S, 0.0)[:, None] * g
+    A = state.P - K[:, :, None] * g[:, None, :]
+    Ah = A @ h if h.ndim == 1 else (A @ h[:, :, None])[:, :, 0]
+    B = (R if isinstance(R, float) else R[:, None]) * K - Ah
+    P = A + B[:, :, None] * K[:, None, :]
+    return state._replace(x=state.x + K * nu[:, None], P=0.5 * (P + P.transpose(0, 2, 1)))

@@ -1,0 +1,145 @@
+"""Which units may be lying: the hypotheses of the bank, and how its rows are taken over."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from itertools import combinations
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .evidence import SECONDS_PER_HOUR, normal_reach, threshold
+
+Units = frozenset[str]
+Flags = NDArray[np.bool_]
+NOBODY: Units = frozenset()
+# a state's errors are the same for about so long: as many independent chances of being outside there are in an hour
+DECORRELATION_S = 10.0
+# where one cause explains all that is seen, another that is so much less likely is not considered
+PLAUSIBLE = 0.02
+
+
+class Suspect(NamedTuple):
+    """A unit as a possible liar.
+
+    `fault_probability`: that it lies at any moment; 0: it is trusted, and no hypothesis leaves it out. `readings_per_s`: for
+    the number of tests. `odd_alone`: a single odd reading is that reading's fault (a balise in the wrong place), two in a row
+    the unit's. `never_repeats`: no two of its readings are the same. `slips`: it is a wheel. `hold`: how many readings in
+    agreement readmit it.
+    """
+
+    unit: str
+    fault_probability: float
+    readings_per_s: float
+    odd_alone: bool = False
+    never_repeats: bool = False
+    slips: bool = False
+    hold: int = 10
+
+
+@dataclass(frozen=True)
+class Doubts:
+    """What is held possible, and the two budgets.
+
+    `groups`: units that one cause makes lie together, and its probability. `false_alarms_per_hour`: of the whole train.
+    `risk_per_hour`: of the truth outside the published interval.
+    """
+
+    suspects: tuple[Suspect, ...] = ()
+    groups: tuple[tuple[Units, float], ...] = ()
+    false_alarms_per_hour: float = 0.01
+    risk_per_hour: float = 1e-4
+    by_unit: Mapping[str, Suspect] = field(init=False, repr=False, compare=False)
+    threshold: float = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "by_unit", {s.unit: s for s in self.suspects})
+        rate = sum(s.readings_per_s for s in self.suspects)
+        object.__setattr__(self, "threshold", threshold(self.false_alarms_per_hour, rate))
+
+    def sets(self, excluded: Units) -> tuple[dict[Units, float], dict[Units, float]]:
+        """The hypotheses beside a set of excluded units, and the probability of each.
+
+        First just these, and one cause more (a unit, or a group); then two causes more, where both at once are likelier than
+        the risk of a decorrelation time.
+        """
+        causes = [(frozenset((s.unit,)), s.fault_probability) for s in self.suspects if s.fault_probability > 0.0]
+        causes += self.groups
+        single: dict[Units, float] = {excluded: 1.0}
+        pairs: dict[Units, float] = {}
+        for units, rate in causes:
+            single.setdefault(excluded | units, rate)
+        for (one, rate), (other, another) in combinations(causes, 2):
+            if rate * another > self.risk and excluded | one | other not in single:
+                pairs.setdefault(excluded | one | other, rate * another)
+        return single, pairs
+
+    @property
+    def risk(self) -> float:
+        """The risk of one decorrelation time."""
+        return self.risk_per_hour * DECORRELATION_S / SECONDS_PER_HOUR
+
+
+class Rows:
+    """The rows of a bank: which units each leaves out, which it uses, and how far its interval reaches.
+
+    Row 0 leaves out `excluded` alone.
+    """
+
+    def __init__(self, doubts: Doubts, excluded: Units) -> None:
+        self.doubts, self.excluded = doubts, excluded
+        single, pairs = doubts.sets(excluded)
+        self.sets, self.chances = (*single, *pairs), np.array((*single.values(), *pairs.values()))
+        self._single = np.arange(len(self.sets)) < len(single)
+        self.places = {units: i for i, units in enumerate(self.sets)}
+        self._uses: dict[str, Flags] = {}
+        self._reach: dict[bytes, NDArray[np.float64]] = {}
+
+    def uses(self, unit: str) -> Flags:
+        """Whether each row uses a unit."""
+        flags = self._uses.get(unit)
+        if flags is None:
+            flags = self._uses[unit] = np.array([unit not in units for units in self.sets])
+        return flags
+
+    def published(self, alive: Flags) -> Flags:
+        """The rows whose intervals are published together.
+
+        Those of one cause more than is excluded; all that are plausible, once row 0 is refuted. Two causes at once, both not
+        found yet, are left to the tests: each is found within seconds.
+        """
+        return alive & self._single if alive[0] else self.plausible(alive)
+
+    def reach(self, alive: Flags) -> NDArray[np.float64]:
+        """K (H) of each row: Σ p_h · 2 Φ(-K_h) is the risk of one decorrelation time; the published rows share it evenly.
+
+        p_h is 1 for row 0 and the probability of its faults for each other row, and relative to the likeliest once row 0 is
+        refuted.
+        """
+        key = alive.tobytes()
+        reach = self._reach.get(key)
+        if reach is None:
+            risk = self.doubts.risk * self.chances[alive].max(initial=0.0) / max(1, int(self.published(alive).sum()))
+            reach = self._reach[key] = np.array([normal_reach(risk / p) for p in self.chances])
+        return reach
+
+    def plausible(self, alive: Flags) -> Flags:
+        """The rows alive that are not far less likely from the outset than another row alive."""
+        return np.asarray(alive & (self.chances > PLAUSIBLE * self.chances[alive].max(initial=0.0)))
+
+    def smallest(self, rows: Flags) -> int | None:
+        """The row of these whose set is contained in that of every other; None where they contradict each other."""
+        living = np.flatnonzero(rows).tolist()
+        least = min(living, key=lambda i: len(self.sets[i]))
+        return least if all(self.sets[least] <= self.sets[i] for i in living) else None
+
+
+def sources(new: Rows, old: Rows, alive: Flags, wanted: Callable[[Units], Iterable[Units]], otherwise: int) -> list[int]:
+    """For each new row, the old row that it continues: the first of `wanted` that is alive, else the row `otherwise`."""
+    out = []
+    for units in new.sets:
+        found = (old.places[w] for w in wanted(units) if w in old.places and alive[old.places[w]])
+        out.append(next(found, otherwise))
+    return out

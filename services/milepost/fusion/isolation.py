@@ -1,0 +1,225 @@
+"""What the tests of the bank decide: hypotheses are refuted, units excluded, and readmitted when they agree again."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from milepost.estimation.layout import N_COMMON, Array, Layout
+
+from .bank_state import CHANNELS, Bank, led, protected, recomposed
+from .evidence import OUT_OF_RANGE, REPEATS, STUCK, statistics
+from .hypotheses import Doubts, Flags, Rows, Units, sources
+from .verdicts import Exclusion, Reset
+
+# between hypotheses one of which is true, less evidence decides than against all units at once
+SOFT = 0.8
+# a refuted hypothesis is taken up again from row 0, if row 0 lives so long
+REVIVE_NS = 30_000_000_000
+# how long a unit must agree with the others before it counts again: twice as long after each relapse
+PROBATION_NS, LONGEST_PROBATION_NS = 1_000_000_000, 64_000_000_000
+
+
+class Finding(NamedTuple):
+    """What one scalar observation of a unit says.
+
+    `uses` (H): which rows use it; `worst` (H): the worst test; `tests` (H, 7): all; `nu` (H): the innovations.
+    """
+
+    unit: str
+    at_ns: int
+    uses: Flags
+    worst: Array
+    tests: Array
+    nu: Array
+
+
+class Isolation:
+    """The decisions on a bank. `layout` and `doubts` are the train's."""
+
+    def __init__(self, layout: Layout, doubts: Doubts) -> None:
+        self._doubts, self._limit = doubts, doubts.threshold
+        self._channels = {s.unit: CHANNELS * i for i, s in enumerate(doubts.suspects)}
+        self._kept: dict[Units, Rows] = {}
+        own = {unit: [p for p in places if p >= N_COMMON] for unit, places in layout.indices.items()}
+        mean, std = layout.prior(np.zeros(N_COMMON), np.ones(N_COMMON))
+        spread = np.sqrt(np.diagonal(std))
+        self._priors = {unit: (places, mean[places], spread[places]) for unit, places in own.items()}
+
+    def rows(self, excluded: Units) -> Rows:
+        """The rows beside a set of excluded units."""
+        rows = self._kept.get(excluded)
+        if rows is None:
+            rows = self._kept[excluded] = Rows(self._doubts, excluded)
+        return rows
+
+    def channel(self, unit: str) -> int:
+        """The first channel of a unit."""
+        return self._channels[unit]
+
+    def decide(self, before: Bank, state: Bank, finding: Finding) -> Bank:
+        """Refute hypotheses, and exclude or readmit units; `before`: the bank without the finding's observation."""
+        unit, at_ns, uses, worst = finding.unit, finding.at_ns, finding.uses, finding.worst
+        limit = self._limit if state.alive[0] else SOFT * self._limit
+        stuck, far = state.verdicts[unit].repeats >= REPEATS, self._beyond_prior(state, unit)
+        if stuck:
+            worst = np.full_like(worst, np.inf)
+        beyond = (worst > limit) | far
+        why = self._why(state, finding._replace(worst=worst), stuck, far)
+        fired = uses & beyond & state.alive
+        if not fired.any():
+            state = self._probation(state, unit, worst, why, at_ns)
+            return self._revived(state, at_ns) if any(state.dead_ns) and state.alive[0] else state
+        alive = state.alive & ~fired
+        if fired[0] and alive.any():
+            # the same noise is in every row: what refuted row 0 need not be found again to the full limit
+            soft = alive & uses & (worst > SOFT * self._limit)
+            if (alive & ~soft).any():
+                alive = alive & ~soft
+        dead = tuple(at_ns if f and not d else d for f, d in zip((~alive).tolist(), state.dead_ns, strict=True))
+        if not alive.any():
+            return self._restarted(before, unit, why, at_ns)
+        state = state._replace(alive=alive, dead_ns=dead)
+        if alive[0]:
+            return state
+        plausible = state.rows.plausible(alive)
+        least = state.rows.smallest(plausible)
+        if least is not None:
+            return self._excluded(before, state, least, why)
+        if not alive[state.leader]:
+            # the odds of each by its probability and the worst that its own units say against it
+            odds = np.log(state.rows.chances) - 0.5 * self._margins(state) ** 2
+            best = int(np.argmax(np.where(plausible, odds, -np.inf)))
+            return led(state, best, at_ns, "the hypothesis that led is refuted")
+        return state
+
+    def _why(self, state: Bank, finding: Finding, stuck: bool, far: Flags) -> Exclusion:
+        lead = state.leader
+        test = STUCK if stuck else OUT_OF_RANGE if far[lead] else int(np.argmax(finding.tests[lead]))
+        slips = self._doubts.by_unit[finding.unit].slips
+        numbers = float(finding.worst[lead]), float(finding.nu[lead]), float(state.x[lead, 1])
+        return Exclusion(finding.at_ns, finding.unit, test, *numbers, slips)
+
+    def _beyond_prior(self, state: Bank, unit: str) -> Flags:
+        """Whether a private state of a unit is farther from its prior than any such device is."""
+        if unit not in self._priors:
+            return np.zeros(len(state.x), dtype=bool)
+        places, mean, std = self._priors[unit]
+        return np.asarray((np.abs(state.x[:, places] - mean) > self._limit * std).any(axis=1))
+
+    def _margins(self, state: Bank) -> Array:
+        """Each row's worst test over all units that it uses."""
+        out = np.zeros(len(state.x))
+        for unit, place in self._channels.items():
+            uses = state.rows.uses(unit)
+            for channel in range(place, place + CHANNELS):
+                if state.counts[channel]:
+                    tests = statistics(state.sums[:, channel], np.zeros(len(out)), state.counts[channel])
+                    out = np.maximum(out, np.where(uses, tests.max(axis=1), 0.0))
+        return out
+
+    def _excluded(self, before: Bank, state: Bank, row: int, why: Exclusion) -> Bank:
+        old, units = state.rows, state.rows.sets[row]
+        state = led(state, row, why.at_ns, "excluded: " + ", ".join(sorted(units - old.excluded)))
+        new = self.rows(units)
+        out = recomposed(state, new, sources(new, old, state.alive, lambda s: (s,), row))
+        if before.alive[0] and why.sudden:
+            for unit in units - old.excluded:
+                out = self._recalled(before, out, unit)
+        return self._noted(out, units - old.excluded, why)
+
+    def _recalled(self, before: Bank, state: Bank, unit: str) -> Bank:
+        """A wheel that begins to slip keeps its diameter: its private states are those of row 0 before, twice as uncertain.
+
+        Without correlation with the common states, which never heard it. What a slow liar has taught row 0 is not kept.
+        """
+        if not self._doubts.by_unit[unit].slips or unit not in self._priors:
+            return state
+        own = self._priors[unit][0]
+        x, P = state.x.copy(), state.P.copy()
+        x[:, own] = before.x[0, own]
+        P[:, own, :] = 0.0
+        P[:, :, own] = 0.0
+        P[np.ix_(range(len(P)), own, own)] = 4.0 * before.P[0][np.ix_(own, own)]
+        return state._replace(x=x, P=P)
+
+    def _noted(self, state: Bank, units: Units, why: Exclusion) -> Bank:
+        """Note why units are excluded, each by what it did itself; their tests begin again, on probation."""
+        verdicts = dict(state.verdicts)
+        for unit in units:
+            earlier, slips = verdicts[unit], self._doubts.by_unit[unit].slips
+            own = why._replace(innovation=float(state.nu[state.leader, self._channels[unit]]), slips=slips)
+            verdicts[unit] = earlier._replace(
+                excluded=own, probation_ns=why.at_ns, agreed=0, relapses=earlier.relapses + 1, refused=None
+            )
+            state = self._fresh(state, unit)
+        return state._replace(verdicts=verdicts)
+
+    def _restarted(self, before: Bank, unit: str, why: Exclusion, at_ns: int) -> Bank:
+        """No hypothesis is left: go on without the unit that refuted the last one, from the widest belief that was held."""
+        old = before.rows
+        best = int(np.flatnonzero(before.alive)[0])
+        low, high = protected(before, 0)
+        slow, fast = protected(before, 1)
+        units = old.sets[best] | {unit}
+        wide = before.P[best].copy()
+        for place, half in ((0, 0.5 * (high - low)), (1, 0.5 * (fast - slow))):
+            factor = max(1.0, (half / self._limit) ** 2 / max(wide[place, place], 1e-300)) ** 0.5
+            wide[place] *= factor
+            wide[:, place] *= factor
+        new = self.rows(units)
+        out = recomposed(before, new, [best] * len(new.sets))
+        out = out._replace(
+            P=np.tile(wide, (len(new.sets), 1, 1)),
+            sums=np.zeros_like(out.sums),
+            counts=(0,) * len(out.counts),
+            reset=Reset(at_ns, abs(high - low), abs(fast - slow), "no hypothesis was left: the bank starts again"),
+        )
+        return self._noted(out, units - old.excluded, why)
+
+    def _probation(self, state: Bank, unit: str, worst: Array, why: Exclusion, at_ns: int) -> Bank:
+        """Readmit an excluded unit that has agreed with the leading hypothesis for long enough."""
+        if unit not in state.rows.excluded:
+            return state
+        verdict, suspect = state.verdicts[unit], self._doubts.by_unit[unit]
+        if worst[state.leader] > SOFT * SOFT * self._limit:
+            state = self._fresh(state, unit)
+            earlier = verdict.excluded
+            if earlier is not None and (why.slipping or earlier.found_by != unit) and not earlier.slipping:
+                # its own test tells better than another's what it does, and a slip may begin slowly
+                verdict = verdict._replace(excluded=why._replace(at_ns=earlier.at_ns))
+            return state._replace(verdicts={**state.verdicts, unit: verdict._replace(probation_ns=at_ns, agreed=0)})
+        agreed = verdict.agreed + 1
+        hold_ns = min(LONGEST_PROBATION_NS, PROBATION_NS << min(verdict.relapses - 1, 10))
+        if agreed < suspect.hold or at_ns - verdict.probation_ns < hold_ns or not state.alive[0]:
+            return state._replace(verdicts={**state.verdicts, unit: verdict._replace(agreed=agreed)})
+        old = state.rows
+        new = self.rows(old.excluded - {unit})
+        out = recomposed(state, new, sources(new, old, state.alive, lambda s: (s | {unit},), state.leader))
+        out = self._fresh(out, unit)
+        return out._replace(verdicts={**out.verdicts, unit: verdict._replace(excluded=None, agreed=0)})
+
+    def _fresh(self, state: Bank, unit: str) -> Bank:
+        """The tests of a unit begin again."""
+        place = self._channels[unit]
+        sums, strikes, counts = state.sums.copy(), state.strikes.copy(), list(state.counts)
+        sums[:, place : place + CHANNELS] = 0.0
+        strikes[:, place : place + CHANNELS] = 0
+        counts[place : place + CHANNELS] = [0] * CHANNELS
+        return state._replace(sums=sums, counts=tuple(counts), strikes=strikes)
+
+    def _revived(self, state: Bank, at_ns: int) -> Bank:
+        due = [bool(d) and at_ns - d > REVIVE_NS for d in state.dead_ns]
+        if not any(due):
+            return state
+        index = [0 if d else i for i, d in enumerate(due)]
+        dead = tuple(0 if d else ns for d, ns in zip(due, state.dead_ns, strict=True))
+        return state._replace(
+            x=state.x[index],
+            P=state.P[index],
+            sums=state.sums[index],
+            nu=state.nu[index],
+            alive=state.alive | np.array(due),
+            dead_ns=dead,
+        )

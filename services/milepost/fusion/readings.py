@@ -1,0 +1,100 @@
+"""A reading as rows of every hypothesis, linearised at each hypothesis's own belief."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+
+from milepost.estimation.layout import PLACES_OF_COMMON, Array, Layout
+from milepost.estimation.observation import Observation
+
+from .hypotheses import Flags
+
+# the fields of readings that are measured
+MEASURED = ("speed_mps", "latitude_deg", "longitude_deg", "specific_force_mps2")
+
+LinearRow = tuple[tuple[float, ...], float, float]
+
+
+class Linear(NamedTuple):
+    """z = h x + e, e ~ N(0, R): h (n), z, R for all hypotheses alike, or h (H, n), z (H), R (H) for each.
+
+    `present` (H): which hypotheses have the row; None: all.
+    """
+
+    h: Array
+    z: Any
+    R: Any
+    present: Flags | None = None
+
+
+class StackedRow(Protocol):
+    """h (H, k) or (k), z, R and who has the row, over the k states of a unit."""
+
+    @property
+    def value(self) -> Any: ...
+    def __iter__(self) -> Iterator[Any]: ...
+
+
+class Judge(Protocol):
+    """Turns a unit's reading into rows (h, z, R) over [s, v, a, own private], from the belief over these.
+
+    `pure`: the rows depend on the reading and the belief alone, so that each hypothesis has its own; otherwise the judge
+    remembers, judges once, at the leading belief, and its rows are those of every hypothesis.
+    """
+
+    pure: bool
+
+    def start(self) -> Any:
+        """The memory before the first reading."""
+
+    def restart(self) -> Any:
+        """The memory after a restart on a running train."""
+
+    def judge(
+        self, memory: Any, reading: Any, mean: Array, covariance: Array
+    ) -> tuple[Sequence[LinearRow], Any, str | None, str | None]:
+        """The rows, the memory after the reading, the reason for gating, and the reason for which the reading is refused."""
+
+    def each(self, reading: Any, means: Array, covariances: Array) -> Sequence[StackedRow]:
+        """A pure judge's rows at each of H beliefs, means (H, k), covariances (H, k, k); none where it is not usable."""
+
+
+class Beliefs(Protocol):
+    """Stacked beliefs."""
+
+    @property
+    def x(self) -> Array: ...
+    @property
+    def P(self) -> Array: ...  # noqa: N802
+    @property
+    def leader(self) -> int: ...
+
+
+def linear_rows(
+    judge: Judge, layout: Layout, unit: str, memory: Any, observation: Observation, beliefs: Beliefs
+) -> tuple[list[Linear], Any, str | None, str | None]:
+    """A reading's rows for every hypothesis, and what the judge says of it at the leading belief."""
+    own = list(layout.indices.get(unit, PLACES_OF_COMMON))
+    leader = beliefs.leader
+    if not judge.pure:
+        mean, covariance = beliefs.x[leader][own], beliefs.P[leader][np.ix_(own, own)]
+        rows, memory, gating, refused = judge.judge(memory, observation.reading, mean, covariance)
+        return [Linear(np.array(layout.lift(unit, h)), z, R) for h, z, R in rows], memory, gating, refused
+    out = []
+    for h, z, R, present in judge.each(observation.reading, beliefs.x[:, own], beliefs.P[:, own][:, :, own]):
+        full = np.zeros((*h.shape[:-1], layout.dimension))
+        full[..., own] = h
+        out.append(Linear(full, z, R, present))
+    return out, memory, None, None if out else "unusable"
+
+
+def said_by(observation: Observation) -> Any:
+    """What a unit measured, to be compared with what it said before; None where it only states a bound."""
+    reading = observation.reading
+    if reading is None:
+        return observation.value
+    found = tuple(getattr(reading, name, None) for name in MEASURED)
+    return None if all(value is None for value in found) else found

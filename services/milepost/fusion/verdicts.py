@@ -1,0 +1,82 @@
+"""What is known of each unit: its judge's memory, when it counted last, why it is excluded."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from .evidence import KINDS, OUT_OF_RANGE, STUCK, WINDOWS, window_of
+
+# a wheel whose speed differs from the train's by this part slips
+SLIP_RATIO = 0.02
+
+
+class Exclusion(NamedTuple):
+    """Why a unit was excluded: the unit whose test fired, the test, its value in σ, the innovation and the speed then."""
+
+    at_ns: int
+    found_by: str
+    test: int
+    value: float
+    innovation: float
+    speed_mps: float
+    slips: bool = False
+
+    @property
+    def sudden(self) -> bool:
+        """Whether a few readings told."""
+        return window_of(self.test) <= WINDOWS[0]
+
+    @property
+    def slipping(self) -> bool:
+        """Whether it is a wheel whose speed is far from the train's."""
+        return self.slips and abs(self.innovation) > SLIP_RATIO * abs(self.speed_mps)
+
+    @property
+    def kind(self) -> str:
+        """What the unit does: the name of the test, or how a wheel slips."""
+        if self.slipping:
+            return "spinning" if self.innovation * self.speed_mps > 0.0 else "sliding"
+        return KINDS[self.test]
+
+    def evidence(self, limit: float) -> str:
+        """The evidence in words."""
+        if self.test == STUCK:
+            return f"{self.found_by} says the same again and again"
+        if self.test == OUT_OF_RANGE:
+            return f"{self.found_by}: what was learned of it is farther from its prior than any such device is"
+        window = window_of(self.test)
+        what = "innovation is" if window == 1 else f"last {window} innovations are"
+        return f"{self.found_by}: its {what} {self.value:.1f} σ off (limit {limit:.1f})"
+
+
+class Reset(NamedTuple):
+    """A step of the published state by more than its own uncertainty."""
+
+    at_ns: int
+    size_m: float
+    size_mps: float
+    reason: str
+
+
+class Verdict(NamedTuple):
+    """The last verdict on a unit, and its judge's memory.
+
+    `heard_ns`, `counted_ns`: the times of the last reading, and of the last one that counted. `gating`: the reason for which
+    no reading counts at present. `refused`: the reason for which the last reading did not count. `memory` is immutable.
+    `excluded`: why the unit is left out; `probation_ns`: since when it agrees again, with `agreed` readings; `relapses`: how
+    often it was excluded. `said`, `repeats`: what it said last, and how often in a row before. `odd_ns`: the
+    times of the last readings that were refused by themselves.
+    """
+
+    memory: Any
+    heard_ns: int | None = None
+    counted_ns: int | None = None
+    gating: str | None = None
+    refused: str | None = None
+    excluded: Exclusion | None = None
+    probation_ns: int = 0
+    agreed: int = 0
+    relapses: int = 0
+    said: Any = None
+    repeats: int = 0
+    odd_ns: tuple[int, ...] = ()

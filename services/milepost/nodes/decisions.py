@@ -1,0 +1,58 @@
+"""What the fuser decided of its units, as events: once when it changes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+from milepost.estimation.time_units import S_PER_NS
+from milepost.fusion.rule import Fused
+from milepost.fusion.verdicts import Exclusion, Reset, Verdict
+
+from .base import Severity
+
+
+class Decisions:
+    """The decisions that were reported so far. `limit`: the threshold of the tests, in standard deviations."""
+
+    def __init__(self, limit: float) -> None:
+        self._limit = limit
+        self._excluded: dict[str, Exclusion] = {}
+        self._doubted: tuple[str, ...] = ()
+        self._refused: dict[str, int] = {}
+        self._reset: Reset | None = None
+
+    def news(self, fused: Fused) -> Iterator[tuple[Severity, str, str]]:
+        """(severity, code, text) of what changed with this state."""
+        for unit, verdict in fused.verdicts.items():
+            yield from self._of_unit(unit, verdict)
+        if fused.doubted != self._doubted:
+            if fused.doubted:
+                yield "warning", "units_doubted", f"one of {', '.join(fused.doubted)} is wrong, and nothing tells which"
+            elif self._doubted:
+                yield "info", "doubt_settled", f"of {', '.join(self._doubted)}"
+            self._doubted = fused.doubted
+        reset = fused.reset
+        if reset is not None and (self._reset is None or reset.at_ns > self._reset.at_ns):
+            text = f"the state stepped by {reset.size_m:+.2f} m, {reset.size_mps:+.3f} m/s: {reset.reason}"
+            yield "warning", "state_reset", text
+            self._reset = reset
+
+    def _of_unit(self, unit: str, verdict: Verdict) -> Iterator[tuple[Severity, str, str]]:
+        now, before = verdict.excluded, self._excluded.get(unit)
+        if now is not None and (before is None or before.kind != now.kind):
+            self._excluded[unit] = now
+            yield "warning", "unit_excluded", f"{unit} is {now.kind}: {now.evidence(self._limit)}"
+        elif now is None and before is not None:
+            del self._excluded[unit]
+            heard_ns = verdict.heard_ns or before.at_ns
+            after_s = (heard_ns - before.at_ns) * S_PER_NS
+            yield "info", "unit_readmitted", f"{unit} agrees with the others again, {after_s:.1f} s after it was excluded"
+        odd_ns = verdict.odd_ns[-1] if verdict.odd_ns else 0
+        if odd_ns > self._refused.get(unit, 0):
+            self._refused[unit] = odd_ns
+            yield "warning", "fix_refused", f"{unit}: a fix is too far from where the train is: it does not count"
+
+
+def only_decided(verdicts: Mapping[str, Verdict], filtered: set[str]) -> dict[str, Verdict]:
+    """The fuser's own verdicts; of the units that their filters judge, only that they are excluded."""
+    return {unit: v for unit, v in verdicts.items() if v.excluded is not None or unit not in filtered}

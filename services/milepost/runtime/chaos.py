@@ -1,0 +1,95 @@
+"""Commands to the sensors of running trains, and their answers."""
+
+from __future__ import annotations
+
+import queue
+import threading
+import time
+import uuid
+from typing import Any
+
+import zenoh
+
+from milepost.config.errors import ConfigError
+from milepost.config.mistakes import must_be_one_of
+from milepost_schemas import BY_NAME, Event, FaultCommand, Message, encode
+
+from .instances import live_tokens
+from .listening import listening
+
+SENSOR = "sensor-"
+ANSWERS = ("fault_injected", "fault_cleared", "fault_refused")
+# how long the router takes to say that somebody listens
+MATCH_S = 1.0
+ANSWER_S = 3.0
+
+
+class NoAnswerError(OSError):
+    """Nobody is there, or nobody answers."""
+
+
+def send_command(endpoints: list[str], train: str, unit: str, fields: dict[str, Any]) -> Event:
+    """Send a `FaultCommand` with these fields and wait for the sensor's answer; `train` may be empty where only one runs.
+
+    Raises ConfigError for a train or unit that is not there and for a train that allows no injection, NoRouterError, and
+    NoAnswerError.
+    """
+    answers: queue.SimpleQueue[Event] = queue.SimpleQueue()
+    tool = f"inject-{uuid.uuid4().hex[:8]}"
+
+    def receive(_: str, message: Message, __: int) -> None:
+        if isinstance(message, Event) and message.code in ANSWERS and message.text.endswith(f"({tool})"):
+            answers.put(message)
+
+    with listening(endpoints, ["event"], train or "*", receive) as session:
+        train = _train(session, train, endpoints)
+        _check_unit(session, train, unit)
+        now_ns = time.time_ns()
+        head: dict[str, Any] = {
+            "train": train,
+            "unit": unit,
+            "instance": tool,
+            "measured_at_ns": now_ns,
+            "published_at_ns": now_ns,
+        }
+        _put(session, FaultCommand(**head, sequence=0, **fields))
+        try:
+            return answers.get(timeout=ANSWER_S)
+        except queue.Empty:
+            raise NoAnswerError(f"{SENSOR}{unit} of {train} did not answer within {ANSWER_S:g} s") from None
+
+
+def _train(session: Any, train: str, endpoints: list[str]) -> str:
+    running = sorted({token.train for token in live_tokens(session)})
+    if not running:
+        raise NoAnswerError(f"no train is running at {', '.join(endpoints)}")
+    if not train and len(running) > 1:
+        raise ConfigError("inject", "--train", f"required: {', '.join(running)} are running")
+    if train and train not in running:
+        raise ConfigError("inject", "--train", must_be_one_of(running, train))
+    return train or running[0]
+
+
+def _check_unit(session: Any, train: str, unit: str) -> None:
+    names = {token.unit for token in live_tokens(session, train)}
+    units = sorted(name.removeprefix(SENSOR) for name in names if name.startswith(SENSOR))
+    if unit not in units:
+        raise ConfigError("inject", "UNIT", must_be_one_of(units, unit))
+
+
+def _put(session: Any, command: FaultCommand) -> None:
+    """Send a command once its sensor listens. Raises ConfigError where it does not."""
+    stream, heard = BY_NAME["chaos"], threading.Event()
+
+    def changed(status: Any) -> None:
+        if status.matching:
+            heard.set()
+
+    encoding = zenoh.Encoding("application/msgpack").with_schema(f"{command.SCHEMA}/{command.VERSION}")
+    publisher = session.declare_publisher(stream.key_for(command.train, command.unit), encoding=encoding)
+    listener = publisher.declare_matching_listener(changed)
+    if not (publisher.matching_status.matching or heard.wait(MATCH_S)):
+        text = f"{command.train} allows no injection of faults: its train file does not say `chaos: true`"
+        raise ConfigError("inject", "", text)
+    publisher.put(encode(command))
+    listener.undeclare()
