@@ -75,25 +75,22 @@ def test_json_has_every_cell_with_units_in_the_names(results):
     assert lying["failed_runs"] == [] or lying["failed_runs"][0]["faults"][0]["kind"] == "bias"
 
 
-def test_exit_code_1_says_that_a_truth_was_outside(results, reported, tiny, tmp_path):
-    """Whatever the fusion can do, it cannot hold the truth when every sensor lies alike."""
+def test_exit_code_1_says_that_a_truth_was_outside(results, reported, tmp_path):
     assert reported[0].returncode == int(results["violated_cells"] > 0)
-    both = written(
-        tmp_path,
-        runs=None,
-        pairs=True,
-        draws=1,
-        faults=[{"label": "bias", "kind": "bias", "options": {"size": 5.0}, "streams": ["speed_reading"]}],
-    )
-    done = campaign(both, "--json")
+    # a train that is told a wrong place, and comes to no balise: no fusion can hold the truth
+    lost = {"train": "maglev", "duration_s": 4.0, "change": {"prior": {"position_m": 50.0}}}
+    done = campaign(written(tmp_path, runs=1, faults=[], trains={"maglev": lost}), "--json")
     assert done.returncode == 1
     (cell,) = json.loads(done.stdout)["cells"]
-    assert (cell["units"], cell["violation_runs"]) == (["radar", "loop"], 1)
-    assert cell["violation_epochs_percent"] > 50.0
+    assert (cell["units"], cell["violation_runs"], cell["violation_epochs_percent"]) == ([], 1, 100.0)
+    assert cell["failed_runs"][0]["seed"] == 1
+
+
+def test_a_campaign_without_faults_has_rates_and_exit_code_0(tmp_path):
     honest = campaign(written(tmp_path, faults=[], runs=1), "--json")
     assert honest.returncode == 0
     (cell,) = json.loads(honest.stdout)["cells"]
-    assert (cell["units"], cell["violation_runs"], cell["wrong_exclusions_per_h"]) == ([], 0, 0.0)
+    assert (cell["violation_runs"], cell["wrong_exclusions_per_h"], cell["detected_percent"]) == (0, 0.0, None)
     assert cell["subset_041_percent"] == 100.0
 
 
