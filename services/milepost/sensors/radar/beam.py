@@ -193,7 +193,11 @@ class RadarSensor(Sensor[R]):
     """
 
     stream = "speed_reading"
-    never_repeats = True
+
+    @property
+    def never_repeats(self) -> bool:
+        """Doppler speeds are noisy to the last digit."""
+        return True
 
     @property
     def private_states(self) -> tuple[PrivateState, ...]:
