@@ -24,8 +24,7 @@ PLAUSIBLE = 0.02
 class Suspect(NamedTuple):
     """A unit as a possible liar.
 
-    `fault_probability`: that it lies at any moment; 0: it is trusted, and no hypothesis leaves it out. `readings_per_s`: for
-    the number of tests. `odd_alone`: a single odd reading is that reading's fault (a balise in the wrong place), two in a row
+    `fault_probability`: that it lies at any moment, above 0. `readings_per_s`: for the number of tests. `odd_alone`: a single odd reading is that reading's fault (a balise in the wrong place), two in a row
     the unit's. `never_repeats`: no two of its readings are the same. `slips`: it is a wheel. `hold`: how many readings in
     agreement readmit it.
     """
@@ -65,7 +64,7 @@ class Doubts:
         First just these, and one cause more (a unit, or a group); then two causes more, where both at once are likelier than
         the risk of a decorrelation time.
         """
-        causes = [(frozenset((s.unit,)), s.fault_probability) for s in self.suspects if s.fault_probability > 0.0]
+        causes = [(frozenset((s.unit,)), s.fault_probability) for s in self.suspects]
         causes += self.groups
         single: dict[Units, float] = {excluded: 1.0}
         pairs: dict[Units, float] = {}

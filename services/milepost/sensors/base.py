@@ -25,7 +25,10 @@ from .observed import Belief, Observed, Stacked, stacked
 
 
 class SensorOptions(BaseModel):
-    """A unit's entry in a train file. `filter` names a row of the filter table, alone or as `kind` beside its options."""
+    """A unit's entry in a train file. `filter` names a row of the filter table, alone or as `kind` beside its options.
+
+    `fault_probability`: that the unit lies at any moment; without it, the kind's. 0: it is trusted, and never excluded.
+    """
 
     model_config = STRICT
 
