@@ -12,10 +12,11 @@ from milepost.estimation.layout import Array, Layout
 from milepost.estimation.motion import full_process_noise, full_transition
 from milepost.estimation.observation import Observation
 
-from .bank_state import CHANNELS, Bank
-from .evidence import SUMS, extended, statistics
-from .hypotheses import NOBODY, Doubts, Flags
-from .isolation import Finding, Isolation
+from .bank_state import CHANNELS, Bank, Channel
+from .evidence import Flags, extended
+from .finding import Finding
+from .hypotheses import NOBODY, Doubts
+from .isolation import Isolation
 from .readings import Judge, Linear, Readings, said_by
 from .verdicts import Verdict
 
@@ -58,10 +59,7 @@ class BankKernel:
             np.tile(np.asarray(covariance, dtype=float), (H, 1, 1)),
             alive=np.ones(H, dtype=bool),
             dead_ns=(0,) * H,
-            sums=np.zeros((H, channels, SUMS)),
-            counts=(0,) * channels,
-            strikes=np.zeros((H, channels), dtype=int),
-            nu=np.zeros((H, channels)),
+            channels=(Channel.begin(H),) * channels,
             verdicts=verdicts,
             since_ns=since_ns,
         )
@@ -129,8 +127,11 @@ class BankKernel:
             e = np.where(row.present, e, 0.0)
         channel = self._isolation.channel(unit) + component
         odd = uses & (np.abs(e) > self.doubts.threshold) if suspect.odd_alone else None
-        tested, worst, tests = _tested(state, channel, e, nu, odd)
+        heard = _tested(state.channels[channel], e, nu, odd)
+        tested = state._replace(channels=(*state.channels[:channel], heard, *state.channels[channel + 1 :]))
+        struck = None
         if odd is not None:
+            struck = heard.strikes >= 2
             verdict = state.verdicts[unit]
             strange = bool(odd[state.leader])
             odd_ns = (*verdict.odd_ns[-KEPT_ODD:], at_ns) if strange else verdict.odd_ns
@@ -138,7 +139,7 @@ class BankKernel:
             tested = tested._replace(verdicts={**state.verdicts, unit: verdict})
         taken = uses if odd is None else uses & ~odd
         after = _updated(tested, h, g, S, nu, row.R, taken)
-        return self._isolation.decide(state, after, Finding(unit, at_ns, uses, worst, tests, nu))
+        return self._isolation.decide(state, after, Finding(unit, at_ns, uses, heard, struck))
 
 
 def _counted(state: Bank, unit: str, at_ns: int) -> Bank:
@@ -150,26 +151,15 @@ def _counted(state: Bank, unit: str, at_ns: int) -> Bank:
     return state._replace(since_ns=since_ns, verdicts={**state.verdicts, unit: verdict})
 
 
-def _tested(state: Bank, channel: int, e: Array, nu: Array, odd: Flags | None) -> tuple[Bank, Array, Array]:
-    """The bank with the sums of its tests, the worst test (H) and all tests (H, 7) after the normalised innovations e (H).
+def _tested(channel: Channel, e: Array, nu: Array, odd: Flags | None) -> Channel:
+    """A channel after the normalised innovations e (H) and the innovations nu (H).
 
     `odd` (H): where one reading by itself is refused: it does not enter the sums, and the second in a row tells against the
     unit.
     """
-    counted = e if odd is None else np.where(odd, 0.0, e)
-    innovations, sums, counts = state.nu.copy(), state.sums.copy(), list(state.counts)
-    innovations[:, channel] = nu
-    sums[:, channel] = extended(sums[:, channel], counted)
-    counts[channel] += 1
-    tests = statistics(sums[:, channel], counted, counts[channel])
-    worst = tests.max(axis=1)
-    out = state._replace(nu=innovations, sums=sums, counts=tuple(counts))
-    if odd is not None:
-        strikes = state.strikes.copy()
-        strikes[:, channel] = np.where(odd, strikes[:, channel] + 1, 0)
-        worst = np.where(strikes[:, channel] >= 2, np.inf, worst)
-        out = out._replace(strikes=strikes)
-    return out, worst, tests
+    if odd is None:
+        return Channel(extended(channel.sums, e), channel.readings + 1, nu, channel.strikes)
+    return Channel(extended(channel.sums, np.where(odd, 0.0, e)), channel.readings + 1, nu, channel.strikes).struck(odd)
 
 
 def _updated(state: Bank, h: Array, g: Array, S: Array, nu: Array, R: Any, taken: Flags) -> Bank:

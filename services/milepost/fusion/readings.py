@@ -10,7 +10,7 @@ import numpy as np
 from milepost.estimation.layout import PLACES_OF_COMMON, Array, Layout
 from milepost.estimation.observation import Observation
 
-from .hypotheses import Flags
+from .evidence import Flags
 
 # what readings measure, one field of each kind
 MEASURED = ("longitude_deg", "specific_force_mps2", "speed_mps")
