@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from milepost.estimation.judging import JudgingKernel
 
 from examples import GAUSSIAN, T0, head, sensor, straight_line
-from milepost.estimation.judging import JudgingKernel
 from milepost.estimation.kalman import update
 from milepost.estimation.layout import Layout
 from milepost.estimation.observation import Observation

@@ -13,7 +13,7 @@ from milepost.estimation.motion import full_process_noise, full_transition
 from milepost.estimation.observation import Observation
 
 from .bank_state import CHANNELS, Bank, Channel
-from .evidence import Flags, extended
+from .evidence import REPEATS, Flags, extended
 from .finding import Finding
 from .hypotheses import NOBODY, Doubts
 from .isolation import Isolation
@@ -91,17 +91,18 @@ class BankKernel:
         """All hypotheses after one observation, or after a whole reading."""
         unit, at_ns = observation.unit, observation.measured_at_ns
         suspect, verdict = self.doubts.by_unit.get(unit), state.verdicts.get(unit, NEVER_HEARD)
+        said, repeats = verdict.said, verdict.repeats
         if suspect is not None and suspect.never_repeats:
             said = said_by(observation)
-            verdict = verdict._replace(
-                said=said, repeats=verdict.repeats + 1 if said is not None and said == verdict.said else 0
-            )
+            repeats = repeats + 1 if said is not None and said == verdict.said else 0
         if observation.reading is None:
             rows: Sequence[Linear] = (Linear(np.array(observation.row), observation.value, observation.variance),)
-            verdict = verdict._replace(heard_ns=at_ns)
+            verdict = verdict._replace(heard_ns=at_ns, said=said, repeats=repeats)
         else:
             rows, memory, gating, refused = self._readings.rows(verdict.memory, observation, state.x, state.P, state.leader)
-            verdict = verdict._replace(memory=memory, heard_ns=at_ns, gating=gating, refused=refused)
+            verdict = verdict._replace(
+                memory=memory, heard_ns=at_ns, gating=gating, refused=refused, said=said, repeats=repeats
+            )
         state = state._replace(verdicts={**state.verdicts, unit: verdict})
         for component, row in enumerate(rows):
             state = self._observe(state, unit, min(component, CHANNELS - 1), row, at_ns)
@@ -121,25 +122,26 @@ class BankKernel:
             uses = uses & row.present
         suspect = self.doubts.by_unit.get(unit)
         if suspect is None:
-            return _updated(state, h, g, S, nu, row.R, uses)
+            x, P = _updated(x, P, h, g, S, nu, row.R, uses)
+            return state._replace(x=x, P=P)
         e = nu / np.sqrt(S)
         if row.present is not None:
             e = np.where(row.present, e, 0.0)
         channel = self._isolation.channel(unit) + component
         odd = uses & (np.abs(e) > self.doubts.threshold) if suspect.odd_alone else None
         heard = _tested(state.channels[channel], e, nu, odd)
-        tested = state._replace(channels=(*state.channels[:channel], heard, *state.channels[channel + 1 :]))
+        channels = (*state.channels[:channel], heard, *state.channels[channel + 1 :])
+        verdict = state.verdicts[unit]
+        x, P = _updated(x, P, h, g, S, nu, row.R, uses if odd is None else uses & ~odd)
+        after = state._replace(x=x, P=P, channels=channels)
         struck = None
         if odd is not None:
             struck = heard.strikes >= 2
-            verdict = state.verdicts[unit]
             strange = bool(odd[state.leader])
             odd_ns = (*verdict.odd_ns[-KEPT_ODD:], at_ns) if strange else verdict.odd_ns
-            verdict = verdict._replace(refused="does not fit" if strange else None, odd_ns=odd_ns)
-            tested = tested._replace(verdicts={**state.verdicts, unit: verdict})
-        taken = uses if odd is None else uses & ~odd
-        after = _updated(tested, h, g, S, nu, row.R, taken)
-        return self._isolation.decide(state, after, Finding(unit, at_ns, uses, heard, struck))
+            odd_verdict = verdict._replace(refused="does not fit" if strange else None, odd_ns=odd_ns)
+            after = after._replace(verdicts={**state.verdicts, unit: odd_verdict})
+        return self._isolation.decide(state, after, Finding(unit, at_ns, uses, heard, struck, verdict.repeats >= REPEATS))
 
 
 def _counted(state: Bank, unit: str, at_ns: int) -> Bank:
@@ -162,11 +164,17 @@ def _tested(channel: Channel, e: Array, nu: Array, odd: Flags | None) -> Channel
     return Channel(extended(channel.sums, np.where(odd, 0.0, e)), channel.readings + 1, nu, channel.strikes).struck(odd)
 
 
-def _updated(state: Bank, h: Array, g: Array, S: Array, nu: Array, R: Any, taken: Flags) -> Bank:
-    """The bank after the update in Joseph's form (see `kalman.update`), with gain 0 in the rows that do not take it."""
-    K = np.where(taken, 1.0 / S, 0.0)[:, None] * g
-    A = state.P - K[:, :, None] * g[:, None, :]
+def _updated(x: Array, P: Array, h: Array, g: Array, S: Array, nu: Array, R: Any, taken: Flags) -> tuple[Array, Array]:
+    """The update in Joseph's form (see `kalman.update`) of all rows, with gain 0 in those that do not take it.
+
+    Large arrays are reused: memory that is touched for the first time costs more than the arithmetic.
+    """
+    K = (taken / S)[:, None] * g
+    A = K[:, :, None] * g[:, None, :]
+    np.subtract(P, A, out=A)
     Ah = A @ h if h.ndim == 1 else (A @ h[:, :, None])[:, :, 0]
     B = (R if isinstance(R, float) else R[:, None]) * K - Ah
-    P = A + B[:, :, None] * K[:, None, :]
-    return state._replace(x=state.x + K * nu[:, None], P=0.5 * (P + P.transpose(0, 2, 1)))
+    A += B[:, :, None] * K[:, None, :]
+    out = A + A.transpose(0, 2, 1)
+    out *= 0.5
+    return x + K * nu[:, None], out

@@ -7,7 +7,7 @@ import numpy as np
 from milepost.estimation.layout import N_COMMON, Array, Layout
 
 from .bank_state import CHANNELS, Bank, led, protected, recomposed
-from .evidence import REPEATS, Bounds, Flags, statistics
+from .evidence import Bounds, Flags, statistics
 from .finding import Finding
 from .hypotheses import Doubts, Rows, Units, sources
 from .verdicts import Exclusion, Reset
@@ -49,7 +49,9 @@ class Isolation:
     def decide(self, before: Bank, state: Bank, finding: Finding) -> Bank:
         """Refute hypotheses, and exclude or readmit units; `before`: the bank without the finding's observation."""
         unit, at_ns, uses = finding.unit, finding.at_ns, finding.uses
-        finding = finding._replace(stuck=state.verdicts[unit].repeats >= REPEATS, far=self._beyond_prior(state, unit))
+        far = self._beyond_prior(state, unit)
+        if far is not None:
+            finding = finding._replace(far=far)
         beyond = finding.beyond(self._bounds if state.alive[0] else self._soft_bounds)
         fired = None if beyond is None else uses & beyond & state.alive
         if fired is None or not fired.any():
