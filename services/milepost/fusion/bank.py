@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 
@@ -18,6 +17,7 @@ from .finding import Finding
 from .hypotheses import NOBODY, Doubts
 from .isolation import Isolation
 from .readings import Judge, Linear, Readings, said_by
+from .stack import Stack
 from .verdicts import Verdict
 
 NEVER_HEARD = Verdict(None)
@@ -36,6 +36,7 @@ class BankKernel:
         self.layout, self.jerk_psd, self.doubts = layout, jerk_psd, doubts
         self._judges, self._readings = judges, Readings(layout, judges)
         self._isolation = Isolation(layout, doubts)
+        self._stack = Stack()
         self._steps: dict[float, tuple[Array, Array]] = {}
 
     # --- beliefs in and out
@@ -84,8 +85,8 @@ class BankKernel:
                 self._steps.clear()
             step = full_transition(dt_s, self.layout), full_process_noise(dt_s, self.jerk_psd, self.layout)
             self._steps[dt_s] = step
-        F, Q = step
-        return state._replace(x=state.x @ F.T, P=F @ state.P @ F.T + Q)
+        x, P = self._stack.predict(state.x, state.P, *step)
+        return state._replace(x=x, P=P)
 
     def take(self, state: Bank, observation: Observation) -> Bank:
         """All hypotheses after one observation, or after a whole reading."""
@@ -110,29 +111,25 @@ class BankKernel:
 
     def _observe(self, state: Bank, unit: str, component: int, row: Linear, at_ns: int) -> Bank:
         """Test one scalar observation against every hypothesis, and update those that use the unit."""
-        x, P, h = state.x, state.P, row.h
-        if h.ndim == 1:
-            g = P @ h
-            S, nu = g @ h + row.R, row.z - x @ h
-        else:
-            g = (P @ h[:, :, None])[:, :, 0]
-            S, nu = (g * h).sum(axis=1) + row.R, row.z - (x * h).sum(axis=1)
+        h, z, R, present = row
+        innovations = self._stack.innovations(state.x, state.P, h, z, R)
+        _, S, nu = innovations
         uses = state.rows.uses(unit)
-        if row.present is not None:
-            uses = uses & row.present
+        if present is not None:
+            uses = uses & present
         suspect = self.doubts.by_unit.get(unit)
         if suspect is None:
-            x, P = _updated(x, P, h, g, S, nu, row.R, uses)
+            x, P = self._stack.update(state.x, state.P, h, R, innovations, uses)
             return state._replace(x=x, P=P)
         e = nu / np.sqrt(S)
-        if row.present is not None:
-            e = np.where(row.present, e, 0.0)
+        if present is not None:
+            e = np.where(present, e, 0.0)
         channel = self._isolation.channel(unit) + component
         odd = uses & (np.abs(e) > self.doubts.threshold) if suspect.odd_alone else None
         heard = _tested(state.channels[channel], e, nu, odd)
         channels = (*state.channels[:channel], heard, *state.channels[channel + 1 :])
         verdict = state.verdicts[unit]
-        x, P = _updated(x, P, h, g, S, nu, row.R, uses if odd is None else uses & ~odd)
+        x, P = self._stack.update(state.x, state.P, h, R, innovations, uses if odd is None else uses & ~odd)
         after = state._replace(x=x, P=P, channels=channels)
         struck = None
         if odd is not None:
@@ -162,19 +159,3 @@ def _tested(channel: Channel, e: Array, nu: Array, odd: Flags | None) -> Channel
     if odd is None:
         return Channel(extended(channel.sums, e), channel.readings + 1, nu, channel.strikes)
     return Channel(extended(channel.sums, np.where(odd, 0.0, e)), channel.readings + 1, nu, channel.strikes).struck(odd)
-
-
-def _updated(x: Array, P: Array, h: Array, g: Array, S: Array, nu: Array, R: Any, taken: Flags) -> tuple[Array, Array]:
-    """The update in Joseph's form (see `kalman.update`) of all rows, with gain 0 in those that do not take it.
-
-    Large arrays are reused: memory that is touched for the first time costs more than the arithmetic.
-    """
-    K = (taken / S)[:, None] * g
-    A = K[:, :, None] * g[:, None, :]
-    np.subtract(P, A, out=A)
-    Ah = A @ h if h.ndim == 1 else (A @ h[:, :, None])[:, :, 0]
-    B = (R if isinstance(R, float) else R[:, None]) * K - Ah
-    A += B[:, :, None] * K[:, None, :]
-    out = A + A.transpose(0, 2, 1)
-    out *= 0.5
-    return x + K * nu[:, None], out
