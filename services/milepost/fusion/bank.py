@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -55,13 +56,13 @@ class BankKernel:
         rows = self._isolation.rows(NOBODY)
         H, channels = len(rows.sets), CHANNELS * len(self.doubts.suspects)
         return Bank(
-            rows,
             np.tile(np.asarray(mean, dtype=float), (H, 1)),
             np.tile(np.asarray(covariance, dtype=float), (H, 1, 1)),
+            (Channel.begin(H),) * channels,
+            verdicts,
+            rows,
             alive=np.ones(H, dtype=bool),
             dead_ns=(0,) * H,
-            channels=(Channel.begin(H),) * channels,
-            verdicts=verdicts,
             since_ns=since_ns,
         )
 
@@ -85,29 +86,27 @@ class BankKernel:
                 self._steps.clear()
             step = full_transition(dt_s, self.layout), full_process_noise(dt_s, self.jerk_psd, self.layout)
             self._steps[dt_s] = step
-        x, P = self._stack.predict(state.x, state.P, *step)
-        return state._replace(x=x, P=P)
+        return state.moved(*self._stack.predict(state.x, state.P, *step))
 
     def take(self, state: Bank, observation: Observation) -> Bank:
         """All hypotheses after one observation, or after a whole reading."""
         unit, at_ns = observation.unit, observation.measured_at_ns
-        suspect, verdict = self.doubts.by_unit.get(unit), state.verdicts.get(unit, NEVER_HEARD)
-        said, repeats = verdict.said, verdict.repeats
-        if suspect is not None and suspect.never_repeats:
-            said = said_by(observation)
-            repeats = repeats + 1 if said is not None and said == verdict.said else 0
+        verdict = state.verdicts.get(unit, NEVER_HEARD)
+        memory, gating, refused = verdict.memory, verdict.gating, verdict.refused
         if observation.reading is None:
             rows: Sequence[Linear] = (Linear(np.array(observation.row), observation.value, observation.variance),)
-            verdict = verdict._replace(heard_ns=at_ns, said=said, repeats=repeats)
         else:
-            rows, memory, gating, refused = self._readings.rows(verdict.memory, observation, state.x, state.P, state.leader)
-            verdict = verdict._replace(
-                memory=memory, heard_ns=at_ns, gating=gating, refused=refused, said=said, repeats=repeats
-            )
-        state = state._replace(verdicts={**state.verdicts, unit: verdict})
+            rows, memory, gating, refused = self._readings.rows(memory, observation, state.x, state.P, state.leader)
+        suspect = self.doubts.by_unit.get(unit)
+        # an odd reading is judged below; and where a decision excludes the unit, nobody asks what counted
+        counts = rows and refused is None and unit not in state.rows.excluded and not (suspect and suspect.odd_alone)
+        counted_ns = at_ns if counts else verdict.counted_ns
+        said, repeats = _repeated(verdict, observation) if suspect and suspect.never_repeats else verdict[9:11]
+        verdict = Verdict(memory, at_ns, counted_ns, gating, refused, *verdict[5:9], said, repeats, verdict.odd_ns)
+        state = state.judged(unit, verdict)
         for component, row in enumerate(rows):
             state = self._observe(state, unit, min(component, CHANNELS - 1), row, at_ns)
-        return _counted(state, unit, at_ns) if rows else state
+        return state._replace(since_ns=at_ns) if rows and state.since_ns is None else state
 
     def _observe(self, state: Bank, unit: str, component: int, row: Linear, at_ns: int) -> Bank:
         """Test one scalar observation against every hypothesis, and update those that use the unit."""
@@ -119,35 +118,35 @@ class BankKernel:
             uses = uses & present
         suspect = self.doubts.by_unit.get(unit)
         if suspect is None:
-            x, P = self._stack.update(state.x, state.P, h, R, innovations, uses)
-            return state._replace(x=x, P=P)
+            return state.moved(*self._stack.update(state.x, state.P, h, R, innovations, uses))
         e = nu / np.sqrt(S)
         if present is not None:
             e = np.where(present, e, 0.0)
-        channel = self._isolation.channel(unit) + component
         odd = uses & (np.abs(e) > self.doubts.threshold) if suspect.odd_alone else None
-        heard = _tested(state.channels[channel], e, nu, odd)
-        channels = (*state.channels[:channel], heard, *state.channels[channel + 1 :])
-        verdict = state.verdicts[unit]
-        x, P = self._stack.update(state.x, state.P, h, R, innovations, uses if odd is None else uses & ~odd)
-        after = state._replace(x=x, P=P, channels=channels)
+        place = self._isolation.channel(unit) + component
+        heard = _tested(state.channels[place], e, nu, odd)
+        taken = uses if odd is None else uses & ~odd
+        after = state.tested(*self._stack.update(state.x, state.P, h, R, innovations, taken), place, heard)
         struck = None
         if odd is not None:
             struck = heard.strikes >= 2
-            strange = bool(odd[state.leader])
-            odd_ns = (*verdict.odd_ns[-KEPT_ODD:], at_ns) if strange else verdict.odd_ns
-            odd_verdict = verdict._replace(refused="does not fit" if strange else None, odd_ns=odd_ns)
-            after = after._replace(verdicts={**state.verdicts, unit: odd_verdict})
-        return self._isolation.decide(state, after, Finding(unit, at_ns, uses, heard, struck, verdict.repeats >= REPEATS))
+            after = after.judged(unit, _alone(state, unit, bool(odd[state.leader]), at_ns))
+        stuck = state.verdicts[unit].repeats >= REPEATS
+        return self._isolation.decide(state, after, Finding(unit, at_ns, uses, heard, struck, stuck))
 
 
-def _counted(state: Bank, unit: str, at_ns: int) -> Bank:
-    """Note that an observation counts, where it does."""
+def _alone(state: Bank, unit: str, odd: bool, at_ns: int) -> Verdict:
+    """The verdict on a unit whose readings are refused one by one, after one that is `odd` to the leading hypothesis or not."""
     verdict = state.verdicts[unit]
-    if unit not in state.rows.excluded and verdict.refused is None:
-        verdict = verdict._replace(counted_ns=at_ns)
-    since_ns = at_ns if state.since_ns is None else state.since_ns
-    return state._replace(since_ns=since_ns, verdicts={**state.verdicts, unit: verdict})
+    if odd:
+        return verdict._replace(refused="does not fit", odd_ns=(*verdict.odd_ns[-KEPT_ODD:], at_ns))
+    return verdict._replace(refused=None, counted_ns=verdict.counted_ns if unit in state.rows.excluded else at_ns)
+
+
+def _repeated(verdict: Verdict, observation: Observation) -> tuple[Any, int]:
+    """What a unit says, and how often it said the same in a row before."""
+    said = said_by(observation)
+    return said, verdict.repeats + 1 if said is not None and said == verdict.said else 0
 
 
 def _tested(channel: Channel, e: Array, nu: Array, odd: Flags | None) -> Channel:

@@ -179,16 +179,17 @@ class Isolation:
             if earlier is not None and (why.slipping or earlier.found_by != unit) and not earlier.slipping:
                 # its own test tells better than another's what it does, and a slip may begin slowly
                 verdict = verdict._replace(excluded=why._replace(at_ns=earlier.at_ns))
-            return state._replace(verdicts={**state.verdicts, unit: verdict._replace(probation_ns=at_ns, agreed=0)})
+            return state.judged(unit, verdict._replace(probation_ns=at_ns, agreed=0))
         agreed = verdict.agreed + 1
         hold_ns = min(LONGEST_PROBATION_NS, PROBATION_NS << min(verdict.relapses - 1, 10))
         if agreed < suspect.hold or at_ns - verdict.probation_ns < hold_ns or not state.alive[0]:
-            return state._replace(verdicts={**state.verdicts, unit: verdict._replace(agreed=agreed)})
+            return state.judged(unit, verdict._replace(agreed=agreed))
         old = state.rows
         new = self.rows(old.excluded - {unit})
         out = recomposed(state, new, sources(new, old, state.alive, lambda s: (s | {unit},), state.leader))
         out = self._fresh(out, unit)
-        return out._replace(verdicts={**out.verdicts, unit: verdict._replace(excluded=None, agreed=0)})
+        counted_ns = at_ns if verdict.refused is None else verdict.counted_ns
+        return out.judged(unit, verdict._replace(excluded=None, agreed=0, counted_ns=counted_ns))
 
     def _fresh(self, state: Bank, unit: str) -> Bank:
         """The tests of a unit begin again."""
