@@ -23,9 +23,9 @@ PLAUSIBLE = 0.02
 class Suspect(NamedTuple):
     """A unit as a possible liar.
 
-    `fault_probability`: that it lies at any moment, above 0. `readings_per_s`: for the number of tests. `odd_alone`: a single odd reading is that reading's fault (a balise in the wrong place), two in a row
-    the unit's. `never_repeats`: no two of its readings are the same. `slips`: it is a wheel. `hold`: how many readings in
-    agreement readmit it.
+    `fault_probability`: that it lies at any moment, above 0. `readings_per_s`: for the number of tests. `odd_alone`: a single
+    odd reading is that reading's fault (a balise in the wrong place), two in a row the unit's. `never_repeats`: no two of its
+    readings are the same. `slips`: it is a wheel. `hold`: how many readings in agreement readmit it.
     """
 
     unit: str
