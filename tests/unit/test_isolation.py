@@ -26,6 +26,7 @@ from banks import (
 )
 from milepost.estimation.layout import Layout
 from milepost.fusion.evidence import REPEATS
+from milepost.fusion.isolation import SOFT
 
 FIRST, SECOND = speedometer("first"), speedometer("second", phase_s=0.025)
 TRAIN = Ride((FIRST, SECOND, receiver()))
@@ -182,6 +183,29 @@ def test_a_scale_that_grows_slowly_is_refused_before_it_leaves_its_prior() -> No
     assert abs(leading(moments[-1])[0][3]) < 0.01
 
 
+def test_a_lie_that_is_found_at_once_is_no_step_of_the_state() -> None:
+    """Nothing that was published held it."""
+    moments = list(WITH_WHEEL.moments(12.0, {"wheel": between(FROM_S, TO_S, scale(1440.0 / 850.0))}))
+    place = next(i for i, m in enumerate(moments) if m.excluded)
+    assert in_sigmas(moments[place], moments[place - 1]) < 2.0
+    assert moments[place].bank.reset is None
+
+
+def test_a_step_beyond_the_states_own_uncertainty_is_announced() -> None:
+    """A slow liar has taken the state with it until it is found."""
+    drift = between(FROM_S, 30.0, lambda t, z, _: z + 0.02 * (t - FROM_S))
+    moments = list(TRAIN.moments(25.0, {"first": drift}))
+    resets = {m.bank.reset for m in moments} - {None}
+    assert resets
+    for reset in resets:
+        after = next(i for i, m in enumerate(moments) if m.bank.reset == reset)
+        (x, _), (y, P) = leading(moments[after - 1]), leading(moments[after])
+        assert reset is not None
+        assert abs(reset.size_mps) > 2.0 * np.sqrt(P[1, 1]) or abs(reset.size_m) > 2.0 * np.sqrt(P[0, 0])
+        # between these two lies a twentieth of a second, and a reading that is honest
+        assert y[1] - x[1] == pytest.approx(reset.size_mps, abs=2.0 * float(np.sqrt(P[1, 1])))
+
+
 def slipping(ratio: float) -> Fault:
     """Adhesion breaks within half a second."""
     return between(FROM_S, TO_S, lambda t, z, _: z * (1.0 + ratio * min(1.0, 2.0 * (t - FROM_S))))
@@ -273,6 +297,23 @@ def test_a_third_unit_tells_which_of_two_lies() -> None:
     assert any(m.bank.doubted == ("first", "second") for m in moments)
     assert not any(m.bank.doubted for m in moments if m.excluded)
     assert all(m.holds() for m in moments)
+
+
+@pytest.mark.parametrize(
+    ("train", "unit", "fault"),
+    [
+        (TRAIN, "first", lambda t, z, _: z + 0.02 * (t - FROM_S)),
+        (replace(WITH_WHEEL, layout=scaled_layout(noise_psd=1e-5)), "wheel", lambda t, z, _: z * (1.0 + 0.005 * (t - FROM_S))),
+    ],
+    ids=["speed", "wheel"],
+)
+def test_the_evidence_of_an_exclusion_is_beyond_the_limit(train: Ride, unit: str, fault: Fault) -> None:
+    """Also where another unit's reading told, against another hypothesis than the leading one."""
+    moments = list(train.moments(30.0, {unit: between(FROM_S, 1e9, fault)}))
+    verdict = next(m for m in moments if m.excluded).bank.verdicts[unit].excluded
+    assert verdict is not None
+    assert verdict.found_by == "receiver"
+    assert verdict.value > SOFT * train.doubts().threshold
 
 
 # --- relapses, and too many liars
