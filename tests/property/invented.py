@@ -11,6 +11,8 @@ from milepost.estimation.filters.base import FilterSetup
 from milepost.estimation.filters.kalman import KalmanFilter, KalmanOptions
 from milepost.estimation.layout import Layout, PrivateState
 from milepost.estimation.time_units import NS_PER_S
+from milepost.fusion.hypotheses import Doubts, Suspect
+from milepost.fusion.rule import NO_DOUBTS
 from milepost.fusion.shares import FixedShares
 from milepost.nodes.filter import FilterNode
 from milepost.nodes.fuser import FuserNode
@@ -80,14 +82,26 @@ def layout_of(units: dict[str, Sensor]) -> Layout:
     return Layout(tuple((name, sensor.private_states) for name, sensor in units.items() if sensor.private_states))
 
 
+def doubts_of(units: dict[str, Sensor], rate_hz: float) -> Doubts:
+    """Any of these units may be lying, and so may the balise reader."""
+    suspects = [Suspect(name, 1e-3, rate_hz) for name in units]
+    return Doubts((*suspects, Suspect("reader", 1e-3, 1.0, odd_alone=True, hold=2)))
+
+
 def fuser_of(
-    units: dict[str, Sensor], rule: str = "information", horizon_ns: int = HORIZON_NS, period_ns: int | None = None
+    units: dict[str, Sensor],
+    rule: str = "information",
+    horizon_ns: int = HORIZON_NS,
+    period_ns: int | None = None,
+    doubts: Doubts = NO_DOUBTS,
 ) -> FuserNode:
     """A fuser for these units and a balise reader behind them."""
     rows = [UnitRow(name, i, period_ns, True) for i, name in enumerate(units)] + [UnitRow("reader", len(units), None, False)]
     shares = FixedShares({name: 1.0 / len(units) for name in units})
     layout = layout_of(units)
-    settings = FuserSettings(rule, 20_000_000, 15_000_000, horizon_ns, True, 1, shares, 5.0, 1e6, Q, PRIOR, layout, rows)
+    settings = FuserSettings(
+        rule, 20_000_000, 15_000_000, horizon_ns, True, 1, shares, 5.0, 1e6, Q, PRIOR, layout, rows, doubts=doubts
+    )
     return FuserNode("t", "f", settings, LINE)
 
 
@@ -148,3 +162,12 @@ def drive(seed: int, units: dict[str, Sensor], length_s: float, rate_hz: float) 
         fixes.append(fix(i, t, float(position(t)) + rng.gauss(0.0, 0.02)))
     readings.sort(key=lambda r: r.measured_at_ns)
     return readings, fixes
+
+
+def lying(readings: list[SpeedReading], unit: str, from_s: float, to_s: float, size: float) -> list[SpeedReading]:
+    """The readings, those of a unit biased for a while."""
+    begin, end = T0 + round(from_s * NS_PER_S), T0 + round(to_s * NS_PER_S)
+    return [
+        r.model_copy(update={"speed_mps": r.speed_mps + size}) if r.unit == unit and begin <= r.measured_at_ns < end else r
+        for r in readings
+    ]

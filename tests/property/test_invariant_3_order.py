@@ -7,7 +7,9 @@ import random
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from invented import NS_PER_S, Biased, Plain, drive, filter_of, fuser_of, sensors
+from invented import NS_PER_S, Biased, Plain, Scaled, doubts_of, drive, filter_of, fuser_of, lying, sensors
+
+from milepost.fusion.rule import NO_DOUBTS
 
 MAX_DELAY_NS = 4 * NS_PER_S
 
@@ -19,9 +21,9 @@ def estimates_of(units, readings):
     ]
 
 
-def settle(units, messages):
+def settle(units, messages, doubts=NO_DOUBTS):
     """(message, receipt time) in order of receipt, into a fresh fuser; ticks in between as a runner would make them."""
-    fuser, states = fuser_of(units), []
+    fuser, states = fuser_of(units, doubts=doubts), []
     for message, now in sorted(messages, key=lambda m: m[1]):
         while (tick := fuser.next_tick_ns()) is not None and tick < now:
             states += fuser.settled_states(tick)
@@ -67,6 +69,58 @@ def test_shuffled_readings_settle_to_the_same_state_within_a_millionth_of_a_sigm
         late += [(output.message, now) for output in filters[r.unit].step(r, now) if output.stream == "estimate"]
     mixed, _ = settle(units, [*late, *shuffled(rng, fixes)])
     assert [s.epoch for s in mixed] == [s.epoch for s in in_order]
+    for ours, theirs in zip(mixed, in_order, strict=True):
+        sigma = np.sqrt(np.diag(theirs.covariance))
+        difference = np.array([ours.position_m - theirs.position_m, ours.speed_mps - theirs.speed_mps])
+        assert np.all(np.abs(difference) < 1e-6 * sigma[:2])
+
+
+def with_a_liar(seed):
+    """A train on which one unit lies for a second and agrees again, and one fix alone is off."""
+    units = sensors(Plain, Biased, Scaled)
+    readings, fixes = drive(seed, units, 6.0, 25.0)
+    fixes[2] = fixes[2].model_copy(update={"position_m": fixes[2].position_m + 5.0})
+    return units, lying(readings, "plain", 2.0, 3.0, 2.0), fixes, doubts_of(units, 25.0)
+
+
+def excluded_over_time(states):
+    """The sets of units that were excluded by the bank, one after the other."""
+    out = []
+    for s in states:
+        units = {e.unit for e in s.excluded if e.reason not in ("does not fit", "never heard")}
+        if not out or out[-1] != units:
+            out.append(units)
+    return out
+
+
+@settings(deadline=None, max_examples=6)
+@given(seed=st.integers(0, 2**32 - 1))
+def test_exclusion_and_readmission_settle_to_the_same_bits_in_any_order(seed):
+    rng = random.Random(seed)
+    units, readings, fixes, doubts = with_a_liar(seed)
+    messages = [*estimates_of(units, readings), *fixes]
+    in_order, _ = settle(units, [(m, m.measured_at_ns) for m in messages], doubts)
+    mixed, fuser = settle(units, shuffled(rng, messages), doubts)
+    assert excluded_over_time(in_order) == [set(), {"plain"}, set()]
+    assert any(e.reason == "does not fit" for s in in_order for e in s.excluded)
+    assert fuser.rewinds > 0
+    assert [s.model_dump_json() for s in mixed] == [s.model_dump_json() for s in in_order]
+
+
+@settings(deadline=None, max_examples=6)
+@given(seed=st.integers(0, 2**32 - 1))
+def test_shuffled_readings_of_a_liar_settle_to_the_same_decisions(seed):
+    rng = random.Random(seed)
+    units = sensors(Plain, Biased)
+    readings, fixes = drive(seed, units, 6.0, 25.0)
+    readings, doubts = lying(readings, "plain", 2.0, 3.0, 2.0), doubts_of(units, 25.0)
+    in_order, _ = settle(units, [(m, m.measured_at_ns) for m in [*estimates_of(units, readings), *fixes]], doubts)
+    filters, late = {name: filter_of(units, name) for name in units}, []
+    for r, now in sorted(shuffled(rng, readings), key=lambda m: m[1]):
+        late += [(output.message, now) for output in filters[r.unit].step(r, now) if output.stream == "estimate"]
+    mixed, _ = settle(units, [*late, *shuffled(rng, fixes)], doubts)
+    assert {"plain"} in excluded_over_time(in_order)
+    assert [s.excluded for s in mixed] == [s.excluded for s in in_order]
     for ours, theirs in zip(mixed, in_order, strict=True):
         sigma = np.sqrt(np.diag(theirs.covariance))
         difference = np.array([ours.position_m - theirs.position_m, ours.speed_mps - theirs.speed_mps])

@@ -8,22 +8,32 @@ import numpy as np
 import pytest
 from milepost.estimation.judging import JudgingKernel
 
+<<<<<<< .merge_file_z9mz8U
 from examples import GAUSSIAN, T0, head, sensor, straight_line
+=======
+from examples import GAUSSIAN, T0, head, sensor, straight_line, surveyed_line
+>>>>>>> .merge_file_TiPZCX
 from milepost.estimation.kalman import update
 from milepost.estimation.layout import Layout
+from milepost.estimation.motion import process_noise, transition
 from milepost.estimation.observation import Observation
-from milepost.estimation.scalar import ScalarKernel
 from milepost.estimation.time_units import NS_PER_S
 from milepost.estimation.timeline import Timeline
+from milepost.fusion.bank import BankKernel
+from milepost.fusion.hypotheses import Doubts, Suspect
 from milepost.nodes.judges import UnitJudge
 from milepost.nodes.observations import RESTORED_COMPONENT, as_judged, of_estimate, whole_readings
-from milepost_schemas import Estimate, JudgedReading, LinearObservation, Refused, SpeedReading
+from milepost.sensors.observed import Stacked
+from milepost_schemas import Estimate, JudgedReading, LinearObservation, PositionReading, Refused, SpeedReading
 
 MEAN, COVARIANCE = np.array([0.0, 20.0, 0.0]), np.diag([1.0, 4.0, 0.01])
+DOUBTS = Doubts((Suspect("u", 1e-4, 10.0), Suspect("v", 1e-4, 10.0)))
 
 
 class Distrustful:
     """Counts a speed at R = 1 unless it is more than 3 m/s off what is believed; remembers how many it refused."""
+
+    pure = False
 
     def start(self) -> int:
         return 0
@@ -36,14 +46,40 @@ class Distrustful:
             return (), memory + 1, None, "off"
         return [((0.0, 1.0, 0.0), reading, 1.0)], memory, None, None
 
+    def each(self, reading: float, means: Any, covariances: Any) -> Any:
+        raise NotImplementedError
 
-def timeline() -> Timeline:
-    kernel = JudgingKernel(ScalarKernel(0.01), Layout(), {"u": Distrustful()})
+
+class Squared:
+    """z = v² + e, R = 4, linearised at the belief: h = 2 v, and z - v² + h v in place of z. It remembers nothing."""
+
+    pure = True
+
+    def start(self) -> None:
+        return None
+
+    restart = start
+
+    def judge(self, memory: None, reading: float, mean: Any, covariance: Any) -> tuple[Any, None, str | None, str | None]:
+        raise NotImplementedError
+
+    def each(self, reading: float, means: Any, covariances: Any) -> list[Stacked]:
+        v = means[:, 1]
+        h = np.stack([0.0 * v, 2.0 * v, 0.0 * v], axis=1)
+        return [Stacked(h, reading + v * v, np.full(len(v), 4.0))]
+
+
+def timeline(judge: Any = None, doubts: Doubts = DOUBTS) -> Timeline:
+    kernel = BankKernel(Layout(), 0.01, {"u": judge or Distrustful()}, doubts)
     return Timeline(kernel, kernel.prior(MEAN, COVARIANCE), 5 * NS_PER_S)
 
 
 def spoken(t_s: float, value: float) -> Observation:
     return Observation(T0 + round(t_s * NS_PER_S), 0, 0, "i", 0, "u", (), reading=value)
+
+
+def speed(unit: str, t_s: float, value: float) -> Observation:
+    return Observation(T0 + round(t_s * NS_PER_S), 1, 0, "i", 0, unit, (0.0, 1.0, 0.0), value, 1.0)
 
 
 def test_a_reading_counts_at_the_belief_where_it_stands() -> None:
@@ -54,7 +90,8 @@ def test_a_reading_counts_at_the_belief_where_it_stands() -> None:
     believed, known = line.kernel.unpack(state)
     assert believed == pytest.approx(mean)
     assert known == pytest.approx(covariance)
-    assert state.verdicts["u"][1:] == (T0, T0, None, None)
+    verdict = state.verdicts["u"]
+    assert (verdict.heard_ns, verdict.counted_ns, verdict.gating, verdict.refused) == (T0, T0, None, None)
 
 
 def test_a_late_reading_changes_what_the_judge_says_of_later_ones() -> None:
@@ -85,22 +122,69 @@ def test_judges_begin_again_on_a_belief_that_is_taken_over() -> None:
     assert state.since_ns is not None
 
 
-def test_what_no_judge_can_reckon_with_is_refused_and_nothing_else_happens() -> None:
+def test_a_judge_that_remembers_judges_once_at_the_leading_belief() -> None:
+    """With v's 26 the leading belief is 24.8: 20 is refused for all, also for the hypothesis without v, which believes 20."""
+    line = timeline()
+    line.insert(speed("v", 0.0, 26.0), T0 + NS_PER_S)
+    before = line.state_at(T0)
+    assert before.rows.sets == (frozenset(), frozenset("u"), frozenset("v"))
+    assert before.x[:, 1] == pytest.approx([24.8, 24.8, 20.0])
+    line.insert(spoken(0.001, 20.0), T0 + NS_PER_S)
+    refused = line.state_at(T0 + 1_000_000)
+    assert (refused.verdicts["u"].memory, refused.verdicts["u"].refused) == (1, "off")
+    assert refused.x[:, 1] == pytest.approx(before.x[:, 1], abs=1e-3)
+    line.insert(spoken(0.002, 27.0), T0 + NS_PER_S)
+    counted = line.state_at(T0 + 2_000_000)
+    assert (counted.verdicts["u"].memory, counted.verdicts["u"].refused) == (1, None)
+    # R = 1 beside variances of 0.8 and 4
+    assert counted.x[:, 1] == pytest.approx([24.8 + 2.2 * 0.8 / 1.8, 24.8, 20.0 + 7.0 * 0.8], abs=1e-2)
+
+
+def test_a_pure_reading_is_linearised_at_each_hypothesis_own_belief() -> None:
+    line = timeline(Squared())
+    line.insert(speed("v", 0.0, 21.0), T0 + NS_PER_S)
+    line.insert(spoken(1.0, 410.0), T0 + NS_PER_S)
+    state = line.state_at(T0 + NS_PER_S)
+    F, Q = transition(1.0), process_noise(1.0, 0.01)
+    heard = update(MEAN, COVARIANCE, np.array([0.0, 1.0, 0.0]), 21.0, 1.0)
+    for units, x, P in zip(state.rows.sets, state.x, state.P, strict=True):
+        mean, covariance = (MEAN, COVARIANCE) if "v" in units else heard
+        mean, covariance = F @ mean, F @ covariance @ F.T + Q
+        if "u" not in units:
+            h = np.array([0.0, 2.0 * mean[1], 0.0])
+            mean, covariance = update(mean, covariance, h, 410.0 + mean[1] ** 2, 4.0)
+        np.testing.assert_allclose(x, mean, rtol=1e-12)
+        np.testing.assert_allclose(P, covariance, rtol=1e-9, atol=1e-12)
+
+
+def test_what_no_judge_can_use_is_refused_and_changes_nothing() -> None:
     class Broken:
         memory = None
         gating = refused = None
 
+        def model(self) -> Any:
+            return self
+
         def observe(self, reading: Any, belief: Any) -> Any:
+            raise OverflowError
+
+        def observe_each(self, reading: Any, means: Any, covariances: Any) -> Any:
             raise OverflowError
 
         def notices(self) -> list[Any]:
             return []
 
-        def restarted(self) -> None:
-            """Nothing."""
-
-    rows, memory, gating, refused = UnitJudge(Broken(), SpeedReading).judge("kept", object(), MEAN, COVARIANCE)
-    assert (rows, memory, gating, refused) == ((), "kept", None, "unusable")
+    judge = UnitJudge(Broken(), SpeedReading)
+    assert judge.judge("kept", object(), MEAN, COVARIANCE) == ((), "kept", None, "unusable")
+    line = timeline(judge)
+    line.insert(speed("v", 0.0, 21.0), T0)
+    before = line.state_at(T0)
+    line.insert(Observation(T0, 2, 0, "i", 0, "u", (), reading=SpeedReading(**head("u"), speed_max_mps=0.5)), T0)
+    state = line.state_at(T0)
+    assert state.verdicts["u"].refused == "unusable"
+    assert (state.verdicts["u"].heard_ns, state.verdicts["u"].counted_ns) == (T0, None)
+    np.testing.assert_array_equal(state.x, before.x)
+    np.testing.assert_array_equal(state.P, before.P)
 
 
 def estimate(reading: SpeedReading, fields: dict[str, Any] | None = None, **changed: Any) -> Estimate:
@@ -137,13 +221,25 @@ def test_rows_without_readings_count_as_they_come() -> None:
     assert [o.component for o in whole(foreign)] == [0, RESTORED_COMPONENT]
 
 
-def test_a_judge_of_a_real_wheel_remembers_what_it_is_handed() -> None:
-    wheel = sensor("odometer", straight_line(), "radar")
-    judge = UnitJudge(wheel.observer(), SpeedReading)
+def test_the_fuser_judges_a_wheel_without_memory() -> None:
+    """Whether a wheel slips, the hypotheses tell: far off, it still has its row."""
+    judge = UnitJudge(sensor("odometer", straight_line(), "radar"), SpeedReading)
     slow = SpeedReading(**head(), speed_mps=5.0, speed_variance_m2ps2=0.0004, interval_s=0.05)
     mean, covariance = np.array([0.0, 20.0, 0.0, 0.0]), np.diag([1.0, 1e-4, 1e-4, 1e-6])
-    rows, memory, gating, refused = judge.judge(judge.start(), slow, mean, covariance)
-    assert (len(rows), gating, refused) == (0, "sliding", "sliding")
-    fast = slow.model_copy(update={"speed_mps": 20.0})
-    assert judge.judge(memory, fast, mean, covariance)[2] == "sliding"
-    assert judge.judge(judge.start(), fast, mean, covariance)[2] is None
+    assert judge.pure
+    rows, _, gating, refused = judge.judge(judge.start(), slow, mean, covariance)
+    assert (len(rows), gating, refused) == (1, None, None)
+
+
+def test_a_judge_of_a_receiver_remembers_what_it_is_handed() -> None:
+    receiver = sensor("gnss", surveyed_line())
+    judge = UnitJudge(receiver, PositionReading)
+    assert not judge.pure
+    reading = PositionReading(**head("gnss"), latitude_deg=50.93, longitude_deg=4.5, solution="differential")
+    size = 3 + len(receiver.private_states)
+    mean, covariance = np.zeros(size), np.diag([1e6, 4.0, 0.01, *[1.0] * (size - 3)])
+    start = judge.start()
+    first = judge.judge(start, reading, mean, covariance)
+    judge.judge(first[1], reading, mean, covariance)
+    assert judge.judge(start, reading, mean, covariance) == first
+    assert judge.start() == start

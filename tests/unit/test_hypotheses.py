@@ -1,0 +1,162 @@
+"""The hypotheses of a bank: their sets, which are published and how far they reach, and how rows are taken over."""
+
+from __future__ import annotations
+
+from statistics import NormalDist
+from typing import Any
+
+import numpy as np
+import pytest
+
+from milepost.fusion.hypotheses import DECORRELATION_S, NOBODY, PLAUSIBLE, Doubts, Rows, Suspect, sources
+
+A, B, C = (frozenset(x) for x in "abc")
+
+
+def doubts(rates: dict[str, float], **options: Any) -> Doubts:
+    return Doubts(tuple(Suspect(unit, rate, 10.0) for unit, rate in rates.items()), **options)
+
+
+RARE = {"a": 1e-5, "b": 2e-5, "c": 3e-5}
+OFTEN = {"a": 1e-3, "b": 2e-3, "c": 1e-5}
+
+
+def flags(rows: Rows, *alive: Any) -> np.ndarray:
+    return np.array([units in alive for units in rows.sets])
+
+
+def test_a_bank_begins_with_nobody_and_each_alone() -> None:
+    single, pairs = doubts(RARE).sets(NOBODY)
+    assert single == {NOBODY: 1.0, A: 1e-5, B: 2e-5, C: 3e-5}
+    assert pairs == {}
+
+
+def test_two_causes_at_once_are_held_where_likelier_than_the_risk() -> None:
+    """The risk of ten seconds is 1e-4 · 10/3600 = 2.8e-7: a and b together 2e-6, with c at most 2e-8."""
+    train = doubts(OFTEN)
+    assert train.risk == pytest.approx(1e-4 * DECORRELATION_S / 3600.0)
+    single, pairs = train.sets(NOBODY)
+    assert list(single) == [NOBODY, A, B, C]
+    assert pairs == {A | B: pytest.approx(2e-6)}
+
+
+def test_a_trusted_unit_is_left_out_by_no_hypothesis() -> None:
+    single, pairs = doubts({"a": 0.0, "b": 1e-3, "c": 1e-3}).sets(NOBODY)
+    assert not any("a" in units for units in (*single, *pairs))
+
+
+def test_units_with_a_common_cause_are_one_hypothesis() -> None:
+    single, pairs = doubts(OFTEN, groups=((A | B, 4e-3),)).sets(NOBODY)
+    assert list(single) == [NOBODY, A, B, C, A | B]
+    assert single[A | B] == 4e-3
+    # both by themselves is the group's set, and no row is there twice
+    assert pairs == {}
+
+
+def test_every_set_beside_an_exclusion_contains_what_is_excluded() -> None:
+    single, pairs = doubts(OFTEN).sets(A)
+    assert list(single) == [A, A | B, A | C]
+    # row 0 has probability 1, although a as a cause has its own
+    assert single[A] == 1.0
+    assert single[A | B] == 2e-3
+    assert all(units > A for units in pairs)
+
+
+def test_a_row_uses_the_units_outside_its_set() -> None:
+    rows = Rows(doubts(OFTEN), NOBODY)
+    assert rows.sets == (NOBODY, A, B, C, A | B)
+    assert rows.uses("a").tolist() == [True, False, True, True, False]
+    assert rows.uses("c").tolist() == [True, True, True, False, True]
+    assert rows.uses("never heard of").all()
+    assert all(rows.sets[place] == units for units, place in rows.places.items())
+
+
+def test_one_cause_more_is_published_and_not_two() -> None:
+    rows = Rows(doubts(OFTEN), NOBODY)
+    everything = np.ones(5, dtype=bool)
+    assert rows.published(everything).tolist() == [True, True, True, True, False]
+
+
+def test_refuted_rows_are_not_published() -> None:
+    rows = Rows(doubts(OFTEN), NOBODY)
+    assert rows.published(flags(rows, NOBODY, B)).tolist() == [True, False, True, False, False]
+
+
+def test_all_that_is_plausible_is_published_once_row_0_is_refuted() -> None:
+    """b is the likeliest of those left, 2e-3: a stays, at half of it; c at 1e-5 and the pair at 2e-6 do not count."""
+    rows = Rows(doubts(OFTEN), NOBODY)
+    alive = flags(rows, A, B, C, A | B)
+    assert PLAUSIBLE * 2e-3 > 1e-5
+    assert rows.plausible(alive).tolist() == rows.published(alive).tolist() == [False, True, True, False, False]
+
+
+def test_the_unlikely_is_plausible_where_nothing_else_is_left() -> None:
+    rows = Rows(doubts(OFTEN), NOBODY)
+    assert rows.published(flags(rows, C, A | B)).tolist() == [False, False, False, True, True]
+    assert rows.published(flags(rows, A | B)).tolist() == [False, False, False, False, True]
+
+
+def test_the_smallest_is_contained_in_all_others_or_there_is_none() -> None:
+    rows = Rows(doubts(OFTEN), NOBODY)
+    assert rows.smallest(flags(rows, A, A | B)) == rows.places[A]
+    assert rows.smallest(flags(rows, C)) == rows.places[C]
+    assert rows.smallest(flags(rows, A, B, A | B)) is None
+    assert rows.smallest(np.ones(5, dtype=bool)) == 0
+
+
+def test_the_reach_of_each_row_is_the_one_by_hand() -> None:
+    """Risk 2.8e-7 over four published rows: 6.9e-8 for row 0, 6.9e-8/p for the others, and one sigma at least."""
+    rows = Rows(doubts(OFTEN, risk_per_hour=1e-4), NOBODY)
+    reach = rows.reach(np.ones(5, dtype=bool))
+    each = 1e-4 * 10.0 / 3600.0 / 4.0
+    expected = [-NormalDist().inv_cdf(0.5 * each / p) for p in (1.0, 1e-3, 2e-3, 1e-5, 2e-6)]
+    assert reach == pytest.approx([max(1.0, k) for k in expected], rel=1e-9)
+    assert reach[0] == pytest.approx(5.39, abs=0.01)
+    assert reach[1] == pytest.approx(3.98, abs=0.01)
+
+
+def test_the_risk_summed_over_the_published_rows_is_the_budget() -> None:
+    rows = Rows(doubts(OFTEN), NOBODY)
+    for alive in (np.ones(5, dtype=bool), flags(rows, NOBODY, A), flags(rows, NOBODY)):
+        published = rows.published(alive)
+        spent = sum(
+            p * 2.0 * NormalDist().cdf(-k) for p, k in zip(rows.chances[published], rows.reach(alive)[published], strict=True)
+        )
+        assert spent <= rows.doubts.risk * (1.0 + 1e-9)
+        assert spent > 0.7 * rows.doubts.risk
+
+
+def test_once_row_0_is_refuted_the_likeliest_counts_as_certain() -> None:
+    """b is twice as likely as a: K of b is that of the risk shared by two, K of a that of twice as much."""
+    rows = Rows(doubts(OFTEN), NOBODY)
+    reach = rows.reach(flags(rows, A, B))
+    each = rows.doubts.risk / 2.0
+    assert reach[rows.places[B]] == pytest.approx(-NormalDist().inv_cdf(0.5 * each), rel=1e-9)
+    assert reach[rows.places[A]] == pytest.approx(-NormalDist().inv_cdf(0.5 * each * 2.0), rel=1e-9)
+
+
+def test_on_exclusion_each_row_continues_itself_or_the_new_row_0() -> None:
+    train = doubts(OFTEN)
+    old, new = Rows(train, NOBODY), Rows(train, A)
+    alive = flags(old, A, A | B, C)
+    index = sources(new, old, alive, lambda s: (s,), old.places[A])
+    assert [old.sets[i] for i in index] == [A if units != A | B else A | B for units in new.sets]
+    # a refuted row is not continued
+    index = sources(new, old, flags(old, A), lambda s: (s,), old.places[A])
+    assert [old.sets[i] for i in index] == [A] * len(new.sets)
+
+
+def test_on_readmission_each_row_continues_the_one_without_the_unit() -> None:
+    train = doubts(OFTEN)
+    old, new = Rows(train, A), Rows(train, NOBODY)
+    index = sources(new, old, np.ones(len(old.sets), dtype=bool), lambda s: (s | A,), 0)
+    assert [old.sets[i] for i in index] == [units | A for units in new.sets]
+
+
+def test_the_first_of_several_wanted_rows_that_lives_is_continued() -> None:
+    train = doubts(OFTEN)
+    old, new = Rows(train, NOBODY), Rows(train, B)
+    index = sources(new, old, flags(old, NOBODY, C), lambda s: (s, s - B), old.places[C])
+    assert {units: old.sets[i] for units, i in zip(new.sets, index, strict=True)} == {
+        units: NOBODY if units - B == NOBODY else C for units in new.sets
+    }

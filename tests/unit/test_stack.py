@@ -1,0 +1,57 @@
+"""The Kalman filter's steps for many beliefs at once."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from milepost.estimation import kalman
+from milepost.fusion.stack import Stack
+
+H, N, R = 7, 5, 0.3
+
+
+@pytest.fixture
+def beliefs():
+    rng = np.random.default_rng(4)
+    root = rng.normal(size=(H, N, N))
+    return rng.normal(size=(H, N)), root @ root.transpose(0, 2, 1) + np.eye(N)
+
+
+def rows(each):
+    rng = np.random.default_rng(5)
+    return rng.normal(size=(H, N) if each else N)
+
+
+@pytest.mark.parametrize("each", [False, True])
+def test_update_is_the_filter_s_for_each_belief(beliefs, each):
+    x, P = beliefs
+    h, stack = rows(each), Stack()
+    taken = np.arange(H) != 2
+    x_new, P_new = stack.update(x, P, h, R, stack.innovations(x, P, h, 1.5, R), taken)
+    for i in range(H):
+        mean, covariance = kalman.update(x[i], P[i], h[i] if each else h, 1.5, R) if taken[i] else (x[i], P[i])
+        np.testing.assert_allclose(x_new[i], mean, rtol=1e-12, atol=1e-13)
+        np.testing.assert_allclose(P_new[i], covariance, rtol=1e-12, atol=1e-13)
+
+
+def test_prediction_is_the_filter_s_for_each_belief(beliefs):
+    x, P = beliefs
+    F, Q = np.eye(N) + np.diag([0.1] * (N - 1), 1), 0.01 * np.eye(N)
+    x_new, P_new = Stack().predict(x, P, F, Q)
+    for i in range(H):
+        mean, covariance = kalman.predict(x[i], P[i], F, Q)
+        np.testing.assert_allclose(x_new[i], mean, rtol=1e-12)
+        np.testing.assert_allclose(P_new[i], covariance, rtol=1e-12)
+
+
+def test_later_steps_leave_earlier_results_alone(beliefs):
+    x, P = beliefs
+    h, stack, F = rows(True), Stack(), np.eye(N)
+    everyone = np.ones(H, dtype=bool)
+    results = [stack.predict(x, P, F, F), stack.update(x, P, h, R, stack.innovations(x, P, h, 1.5, R), everyone)]
+    before = [(mean.copy(), covariance.copy()) for mean, covariance in results]
+    mean, covariance = stack.predict(*results[1], F, F)
+    stack.update(mean, covariance, h, R, stack.innovations(mean, covariance, h, 0.0, R), everyone)
+    for now, then in zip(results, before, strict=True):
+        assert all(np.array_equal(a, b) for a, b in zip(now, then, strict=True))
