@@ -1,4 +1,4 @@
-"""A recorded run of false RTK, which lies beside the track for 7.6 s: the fuser's hypotheses against the receiver's own word."""
+"""A recorded run of false RTK, 7.6 s beside the track: the fuser's hypotheses against the receiver's own word."""
 
 from __future__ import annotations
 

@@ -6,13 +6,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from milepost.estimation.judging import JudgingKernel
 
-<<<<<<< .merge_file_z9mz8U
-from examples import GAUSSIAN, T0, head, sensor, straight_line
-=======
 from examples import GAUSSIAN, T0, head, sensor, straight_line, surveyed_line
->>>>>>> .merge_file_TiPZCX
 from milepost.estimation.kalman import update
 from milepost.estimation.layout import Layout
 from milepost.estimation.motion import process_noise, transition
