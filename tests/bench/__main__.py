@@ -10,6 +10,7 @@ import sys
 
 import numpy as np
 
+from .bank import measure_bank
 from .live import WINDOW_S, measure_full_load, measure_raw, measure_startup, measure_train
 from .steps import OFFLINE, measure_nodes, measure_offline, measure_steps
 
@@ -28,6 +29,7 @@ def main() -> None:
     options = parser.parse_args()
     say("steps ...")
     found: dict = {"steps_us": measure_steps(), "nodes_us": measure_nodes()}
+    found["fuser_step"] = {name: measure_bank(path) for name, path in OFFLINE.items()}
     say("offline speed ...")
     found["offline_x_real_time"] = {name: measure_offline(path) for name, path in OFFLINE.items()}
     pairs = []
@@ -62,6 +64,10 @@ def table(found: dict) -> None:
         print(f"{name:58}{value:9.2f} µs{peer}")
     ratio = steps["filterpy step"] / ours
     print(f"\nfilter step against filterpy          {ratio:8.1f} x faster       (aim 10)")
+    for name, step in found["fuser_step"].items():
+        what = f"fuser, {name}: bank of {step['hypotheses']} hypotheses / one belief"
+        costs = f"({step['bank_us']:.0f} / {step['one_belief_us']:.0f} µs)"
+        print(f"{what:53} {step['bank_over_one']:8.2f} x {costs}    (at most 3)")
     for name, speed in found["offline_x_real_time"].items():
         target = "    (at least 25)" if name == "full" else ""
         print(f"offline, {name:8} train              {speed:8.1f} x real time{target}")

@@ -78,13 +78,15 @@ def test_commands_are_found_in_the_text() -> None:
     assert {"up", "test", "test-fast"} <= set(MAKE)
 
 
-def test_a_train_or_scenario_that_is_named_is_shipped() -> None:
+def test_a_train_scenario_or_campaign_that_is_named_is_shipped() -> None:
     named = re.findall(r"--train ([a-z][a-z0-9-]*)", "\n".join(COMMANDS))
     for name in set(named) - {"mine"}:
         find_file(Path(name), "trains")
     scenarios = re.findall(r"(?:milepost evaluate|--scenario) ([a-z][a-z0-9-]*)", "\n".join(COMMANDS))
     for name in set(scenarios):
         find_file(Path(name), "scenarios")
+    for name in re.findall(r"milepost campaign ([a-z][a-z0-9-]*)", "\n".join(COMMANDS)):
+        find_file(Path(name), "campaigns")
     assert "metro" in named
     assert scenarios.count("loop-radar-balise") >= 2
 
@@ -98,9 +100,10 @@ def first_cells(heading: str) -> set[str]:
     return {name for row in table(heading) for name in re.findall(r"`([^`]+)`", row[0])}
 
 
-def test_tables_list_only_trains_kinds_and_filters_that_exist() -> None:
+def test_tables_list_only_trains_campaigns_kinds_and_filters_that_exist() -> None:
     """A new one need not be listed to be used."""
     assert {"full", "metro"} <= first_cells("Trains") <= set(names_in("trains"))
+    assert {"single-faults"} <= first_cells("Fault campaigns") <= set(names_in("campaigns"))
     assert {"odometer", "kalman"} <= first_cells("Sensors and filters") <= set(SENSORS) | set(FILTERS)
 
 

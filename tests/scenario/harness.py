@@ -122,5 +122,5 @@ def travel(
 
 
 def widths(states: Iterable[FusedState]) -> list[float]:
-    """How wide the position intervals are."""
-    return [state.position_max_m - state.position_min_m for state in states]
+    """How wide the accuracy without faults is; the protected interval follows the worst hypothesis instead."""
+    return [2.0 * state.position_accuracy_m for state in states]

@@ -216,7 +216,8 @@ def test_a_car_without_truth_is_compared_with_withheld_fixes(tmp_path):
     assert fused["reacquired_error_m"][0] < 3.0
     assert fused["reacquired_outside_interval"] == 0
     assert fused["refresh_hz"] == pytest.approx(50.0, abs=0.5)
-    assert 0.0 < fused["position_interval_m"] < 20.0
+    # it must hold while the only receiver, or all wheels at once, may be wrong
+    assert 0.0 < fused["position_interval_m"] < 60.0
     assert result["fused_minus_centralised_max_sigma"] < 0.1
 
 

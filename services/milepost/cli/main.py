@@ -13,6 +13,7 @@ from milepost.config.shipped_files import find_file
 from milepost.runtime.launch import exit_code
 from milepost.runtime.zenoh_config import DEFAULT_ENDPOINT
 
+from .campaign_command import campaign
 from .inject_command import FREE_OPTIONS, inject
 from .options import ConnectOption, JsonOption, StateDirOption, TrainOption, complete_scenario, show_versions
 
@@ -144,6 +145,9 @@ def evaluate(
     if scenario is None or only:
         raise typer.BadParameter("name one scenario, or use --all", param_hint="SCENARIO")
     raise typer.Exit(run_evaluate(find_file(scenario, "scenarios"), seed, runs, jobs, as_json, plot, record, report))
+
+
+app.command()(campaign)
 
 
 @app.command()

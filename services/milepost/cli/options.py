@@ -37,6 +37,11 @@ def complete_scenario(incomplete: str) -> list[str]:
     return _complete("scenarios", incomplete)
 
 
+def complete_campaign(incomplete: str) -> list[str]:
+    """The names of campaigns that begin so."""
+    return _complete("campaigns", incomplete)
+
+
 TrainOption = Annotated[
     Path,
     typer.Option(

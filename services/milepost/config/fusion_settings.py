@@ -89,12 +89,14 @@ def doubts(train: Train) -> Doubts:
         rate = sensor.options.fault_probability
         if rate is None:
             rate = sensor.fault_probability
+        if rate == 0.0:
+            continue  # trusted: nothing is held against it
         readings_per_s = 1.0 if sensor.period_s is None else 1.0 / sensor.period_s
         balises = sensor.stream == "balise_telegram"
         never_repeats = sensor.never_repeats and sensor.options.source == "simulation"
         slips = sensor.slip_probability > 0.0
         suspects.append(Suspect(unit, rate, readings_per_s, balises, never_repeats, slips, 2 if balises else 10))
-        if sensor.slip_probability > 0.0 and rate > 0.0:
+        if sensor.slip_probability > 0.0:
             wheels.append((unit, sensor.slip_probability))
     # poor adhesion makes all wheels slip at once
     groups = ((frozenset(unit for unit, _ in wheels), max(rate for _, rate in wheels)),) if len(wheels) > 1 else ()

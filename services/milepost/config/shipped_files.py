@@ -1,4 +1,4 @@
-"""Trains and scenarios by name: first those in the working folder's `deploy`, then the shipped ones."""
+"""Trains, scenarios and campaigns by name: first those in the working folder's `deploy`, then the shipped ones."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ def shipped_folder() -> Path:
 
 
 def names_in(kind: str) -> list[str]:
-    """The names of all known `trains` or `scenarios`, sorted."""
+    """The names of all known `trains`, `scenarios` or `campaigns`, sorted."""
     return sorted({path.stem for folder in _folders(kind) for path in folder.glob("*.yaml")})
 
 
 def find_file(given: Path, kind: str) -> Path:
-    """A path as it is, or a bare name as the file `{kind}/{name}.yaml`; `kind` is `trains` or `scenarios`.
+    """A path as it is, or a bare name as the file `{kind}/{name}.yaml`; `kind` is `trains`, `scenarios` or `campaigns`.
 
     Raises ConfigError where a bare name is neither a file nor known.
     """

@@ -92,7 +92,7 @@ class RunLog:
 
         The fuser judges the readings in the same way, in the order of time at its own belief, so that both count the same ones.
         """
-        observers = {name: sensor.observer() for name, sensor in self.train.sensors.items()}
+        observers = {name: sensor.model() for name, sensor in self.train.sensors.items()}
         return [
             _reading(order, message, observers)
             for order, message in self.readings
@@ -101,7 +101,7 @@ class RunLog:
 
     def begins_ns(self, mean: Array, covariance: Array, layout: Layout) -> int | None:
         """The time of the earliest reading that counts, given the prior over all states: there the prior sits."""
-        observers = {name: sensor.observer() for name, sensor in self.train.sensors.items()}
+        observers = {name: sensor.model() for name, sensor in self.train.sensors.items()}
         for order, message in sorted(self.readings, key=lambda entry: (entry[1].measured_at_ns, entry[0], entry[1].sequence)):
             reading = _reading(order, message, observers)
             own = list(layout.indices.get(reading.unit, PLACES_OF_COMMON))

@@ -12,11 +12,13 @@ from milepost.estimation.layout import Array, Layout
 from milepost.estimation.motion import full_process_noise, full_transition
 from milepost.estimation.observation import Observation
 
-from .bank_state import CHANNELS, Bank
-from .evidence import SUMS, extended, statistics
-from .hypotheses import NOBODY, Doubts, Flags
-from .isolation import Finding, Isolation
+from .bank_state import CHANNELS, Bank, Channel
+from .evidence import REPEATS, Flags, extended
+from .finding import Finding
+from .hypotheses import NOBODY, Doubts
+from .isolation import Isolation
 from .readings import Judge, Linear, Readings, said_by
+from .stack import Stack
 from .verdicts import Verdict
 
 NEVER_HEARD = Verdict(None)
@@ -35,6 +37,7 @@ class BankKernel:
         self.layout, self.jerk_psd, self.doubts = layout, jerk_psd, doubts
         self._judges, self._readings = judges, Readings(layout, judges)
         self._isolation = Isolation(layout, doubts)
+        self._stack = Stack()
         self._steps: dict[float, tuple[Array, Array]] = {}
 
     # --- beliefs in and out
@@ -53,16 +56,13 @@ class BankKernel:
         rows = self._isolation.rows(NOBODY)
         H, channels = len(rows.sets), CHANNELS * len(self.doubts.suspects)
         return Bank(
-            rows,
             np.tile(np.asarray(mean, dtype=float), (H, 1)),
             np.tile(np.asarray(covariance, dtype=float), (H, 1, 1)),
+            (Channel.begin(H),) * channels,
+            verdicts,
+            rows,
             alive=np.ones(H, dtype=bool),
             dead_ns=(0,) * H,
-            sums=np.zeros((H, channels, SUMS)),
-            counts=(0,) * channels,
-            strikes=np.zeros((H, channels), dtype=int),
-            nu=np.zeros((H, channels)),
-            verdicts=verdicts,
             since_ns=since_ns,
         )
 
@@ -86,97 +86,75 @@ class BankKernel:
                 self._steps.clear()
             step = full_transition(dt_s, self.layout), full_process_noise(dt_s, self.jerk_psd, self.layout)
             self._steps[dt_s] = step
-        F, Q = step
-        return state._replace(x=state.x @ F.T, P=F @ state.P @ F.T + Q)
+        return state.moved(*self._stack.predict(state.x, state.P, *step))
 
     def take(self, state: Bank, observation: Observation) -> Bank:
         """All hypotheses after one observation, or after a whole reading."""
         unit, at_ns = observation.unit, observation.measured_at_ns
-        suspect, verdict = self.doubts.by_unit.get(unit), state.verdicts.get(unit, NEVER_HEARD)
-        if suspect is not None and suspect.never_repeats:
-            said = said_by(observation)
-            verdict = verdict._replace(
-                said=said, repeats=verdict.repeats + 1 if said is not None and said == verdict.said else 0
-            )
+        verdict = state.verdicts.get(unit, NEVER_HEARD)
+        memory, gating, refused = verdict.memory, verdict.gating, verdict.refused
         if observation.reading is None:
             rows: Sequence[Linear] = (Linear(np.array(observation.row), observation.value, observation.variance),)
-            verdict = verdict._replace(heard_ns=at_ns)
         else:
-            rows, memory, gating, refused = self._readings.rows(verdict.memory, observation, state.x, state.P, state.leader)
-            verdict = verdict._replace(memory=memory, heard_ns=at_ns, gating=gating, refused=refused)
-        state = state._replace(verdicts={**state.verdicts, unit: verdict})
+            rows, memory, gating, refused = self._readings.rows(memory, observation, state.x, state.P, state.leader)
+        suspect = self.doubts.by_unit.get(unit)
+        # an odd reading is judged below; and where a decision excludes the unit, nobody asks what counted
+        counts = rows and refused is None and unit not in state.rows.excluded and not (suspect and suspect.odd_alone)
+        counted_ns = at_ns if counts else verdict.counted_ns
+        said, repeats = _repeated(verdict, observation) if suspect and suspect.never_repeats else verdict[9:11]
+        verdict = Verdict(memory, at_ns, counted_ns, gating, refused, *verdict[5:9], said, repeats, verdict.odd_ns)
+        state = state.judged(unit, verdict)
         for component, row in enumerate(rows):
             state = self._observe(state, unit, min(component, CHANNELS - 1), row, at_ns)
-        return _counted(state, unit, at_ns) if rows else state
+        return state._replace(since_ns=at_ns) if rows and state.since_ns is None else state
 
     def _observe(self, state: Bank, unit: str, component: int, row: Linear, at_ns: int) -> Bank:
         """Test one scalar observation against every hypothesis, and update those that use the unit."""
-        x, P, h = state.x, state.P, row.h
-        if h.ndim == 1:
-            g = P @ h
-            S, nu = g @ h + row.R, row.z - x @ h
-        else:
-            g = (P @ h[:, :, None])[:, :, 0]
-            S, nu = (g * h).sum(axis=1) + row.R, row.z - (x * h).sum(axis=1)
+        h, z, R, present = row
+        innovations = self._stack.innovations(state.x, state.P, h, z, R)
+        _, S, nu = innovations
         uses = state.rows.uses(unit)
-        if row.present is not None:
-            uses = uses & row.present
+        if present is not None:
+            uses = uses & present
         suspect = self.doubts.by_unit.get(unit)
         if suspect is None:
-            return _updated(state, h, g, S, nu, row.R, uses)
+            return state.moved(*self._stack.update(state.x, state.P, h, R, innovations, uses))
         e = nu / np.sqrt(S)
-        if row.present is not None:
-            e = np.where(row.present, e, 0.0)
-        channel = self._isolation.channel(unit) + component
+        if present is not None:
+            e = np.where(present, e, 0.0)
         odd = uses & (np.abs(e) > self.doubts.threshold) if suspect.odd_alone else None
-        tested, worst, tests = _tested(state, channel, e, nu, odd)
-        if odd is not None:
-            verdict = state.verdicts[unit]
-            strange = bool(odd[state.leader])
-            odd_ns = (*verdict.odd_ns[-KEPT_ODD:], at_ns) if strange else verdict.odd_ns
-            verdict = verdict._replace(refused="does not fit" if strange else None, odd_ns=odd_ns)
-            tested = tested._replace(verdicts={**state.verdicts, unit: verdict})
+        place = self._isolation.channel(unit) + component
+        heard = _tested(state.channels[place], e, nu, odd)
         taken = uses if odd is None else uses & ~odd
-        after = _updated(tested, h, g, S, nu, row.R, taken)
-        return self._isolation.decide(state, after, Finding(unit, at_ns, uses, worst, tests, nu))
+        after = state.tested(*self._stack.update(state.x, state.P, h, R, innovations, taken), place, heard)
+        struck = None
+        if odd is not None:
+            struck = heard.strikes >= 2
+            after = after.judged(unit, _alone(state, unit, bool(odd[state.leader]), at_ns))
+        stuck = state.verdicts[unit].repeats >= REPEATS
+        return self._isolation.decide(state, after, Finding(unit, at_ns, uses, heard, struck, stuck))
 
 
-def _counted(state: Bank, unit: str, at_ns: int) -> Bank:
-    """Note that an observation counts, where it does."""
+def _alone(state: Bank, unit: str, odd: bool, at_ns: int) -> Verdict:
+    """The verdict on a unit whose readings are refused one by one, after one that is `odd` to the leading hypothesis or not."""
     verdict = state.verdicts[unit]
-    if unit not in state.rows.excluded and verdict.refused is None:
-        verdict = verdict._replace(counted_ns=at_ns)
-    since_ns = at_ns if state.since_ns is None else state.since_ns
-    return state._replace(since_ns=since_ns, verdicts={**state.verdicts, unit: verdict})
+    if odd:
+        return verdict._replace(refused="does not fit", odd_ns=(*verdict.odd_ns[-KEPT_ODD:], at_ns))
+    return verdict._replace(refused=None, counted_ns=verdict.counted_ns if unit in state.rows.excluded else at_ns)
 
 
-def _tested(state: Bank, channel: int, e: Array, nu: Array, odd: Flags | None) -> tuple[Bank, Array, Array]:
-    """The bank with the sums of its tests, the worst test (H) and all tests (H, 7) after the normalised innovations e (H).
+def _repeated(verdict: Verdict, observation: Observation) -> tuple[Any, int]:
+    """What a unit says, and how often it said the same in a row before."""
+    said = said_by(observation)
+    return said, verdict.repeats + 1 if said is not None and said == verdict.said else 0
+
+
+def _tested(channel: Channel, e: Array, nu: Array, odd: Flags | None) -> Channel:
+    """A channel after the normalised innovations e (H) and the innovations nu (H).
 
     `odd` (H): where one reading by itself is refused: it does not enter the sums, and the second in a row tells against the
     unit.
     """
-    counted = e if odd is None else np.where(odd, 0.0, e)
-    innovations, sums, counts = state.nu.copy(), state.sums.copy(), list(state.counts)
-    innovations[:, channel] = nu
-    sums[:, channel] = extended(sums[:, channel], counted)
-    counts[channel] += 1
-    tests = statistics(sums[:, channel], counted, counts[channel])
-    worst = tests.max(axis=1)
-    out = state._replace(nu=innovations, sums=sums, counts=tuple(counts))
-    if odd is not None:
-        strikes = state.strikes.copy()
-        strikes[:, channel] = np.where(odd, strikes[:, channel] + 1, 0)
-        worst = np.where(strikes[:, channel] >= 2, np.inf, worst)
-        out = out._replace(strikes=strikes)
-    return out, worst, tests
-
-
-def _updated(state: Bank, h: Array, g: Array, S: Array, nu: Array, R: Any, taken: Flags) -> Bank:
-    """The bank after the update in Joseph's form (see `kalman.update`), with gain 0 in the rows that do not take it."""
-    K = np.where(taken, 1.0 / S, 0.0)[:, None] * g
-    A = state.P - K[:, :, None] * g[:, None, :]
-    Ah = A @ h if h.ndim == 1 else (A @ h[:, :, None])[:, :, 0]
-    B = (R if isinstance(R, float) else R[:, None]) * K - Ah
-    P = A + B[:, :, None] * K[:, None, :]
-    return state._replace(x=state.x + K * nu[:, None], P=0.5 * (P + P.transpose(0, 2, 1)))
+    if odd is None:
+        return Channel(extended(channel.sums, e), channel.readings + 1, nu, channel.strikes)
+    return Channel(extended(channel.sums, np.where(odd, 0.0, e)), channel.readings + 1, nu, channel.strikes).struck(odd)

@@ -3,28 +3,32 @@
 from __future__ import annotations
 
 import math
-from functools import lru_cache
 from statistics import NormalDist
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from milepost.estimation.layout import Array
 
-# the lengths of the windows in readings; a window forgets as λᵏ with λ = 1 - 1/length
-WINDOWS = (8.0, 64.0, 512.0)
-LAMBDAS = np.array([1.0 - 1.0 / length for length in WINDOWS])
-# the sums of e and of e², each in every window
-SUMS = 2 * len(WINDOWS)
-FORGET = np.concatenate([LAMBDAS, LAMBDAS])
-# the names of the tests, in the order of `statistics`
-TESTS = ("jumping", *("biased",) * len(WINDOWS), *("noisy",) * len(WINDOWS))
+Flags = NDArray[np.bool_]
+# the lengths in readings of the windows of e and of e²; a window forgets as λᵏ with λ = 1 - 1/length, that of one at once
+MEANS, SQUARES = (1.0, 8.0, 64.0, 512.0), (8.0, 64.0, 512.0)
+WINDOWS = (*MEANS, *SQUARES)
+LAMBDAS = 1.0 - 1.0 / np.array(WINDOWS)
+FORGET = LAMBDAS[:, None]
+M = len(MEANS)
+# the names of the tests, one for each window
+TESTS = ("jumping", *("biased",) * (M - 1), *("noisy",) * len(SQUARES))
 # what is found without them
 STUCK, OUT_OF_RANGE = len(TESTS), len(TESTS) + 1
 KINDS = (*TESTS, "stuck", "out of range")
 # a unit that says the same so many times over is stuck
 REPEATS = 4
 # beyond so many readings the longest window no longer changes
-FULL = 16 * int(WINDOWS[-1])
+FULL = 16 * int(max(WINDOWS))
+# a few readings: what they tell is sudden
+SHORT = 8
 SECONDS_PER_HOUR = 3600.0
 
 
@@ -38,9 +42,8 @@ def threshold(false_alarms_per_hour: float, readings_per_s: float) -> float:
     return -NormalDist().inv_cdf(min(0.25, 0.5 * false_alarms_per_hour / tests))
 
 
-@lru_cache(maxsize=FULL + 1)
-def _scales(count: int) -> tuple[Array, Array, Array, Array]:
-    """For `count` readings: 1/√Σλ²ᵏ, 1/Σλᵏ, and the offset 1 - 2/9ν and 1/√(2/9ν) of Wilson and Hilferty."""
+def _scales(count: Any) -> tuple[Array, Array, Array, Array]:
+    """For `count` readings, one number or a column: 1/√Σλ²ᵏ, 1/Σλᵏ; 1 - 2/9ν and 1/√(2/9ν) of Wilson and Hilferty."""
     squares = (1.0 - LAMBDAS ** (2 * count)) / (1.0 - LAMBDAS**2)
     weights = (1.0 - LAMBDAS**count) / (1.0 - LAMBDAS)
     spread = 2.0 / 9.0 * squares / weights**2
@@ -48,32 +51,42 @@ def _scales(count: int) -> tuple[Array, Array, Array, Array]:
 
 
 def extended(sums: Array, e: Array) -> Array:
-    """The sums (H, 6) over the windows after one more normalised innovation e (H)."""
-    column = e[:, None]
+    """The sums (7, H) over the windows, Σλᵏe and Σλᵏe², after one more normalised innovation e (H)."""
     out: Array = sums * FORGET
-    out[:, : len(WINDOWS)] += column
-    out[:, len(WINDOWS) :] += column * column
+    out[:M] += e
+    out[M:] += e * e
     return out
 
 
-def statistics(sums: Array, e: Array, count: int) -> Array:
-    """The tests (H, 7), each N(0, 1) or |N(0, 1)| under its hypothesis: the innovation, its means, its mean squares.
+def statistics(sums: Array, count: int) -> Array:
+    """The tests (7, H), each N(0, 1) or |N(0, 1)| under its hypothesis: the innovation, its means, its mean squares.
 
-    |e|; |Σλᵏe|/√Σλ²ᵏ; and Wilson and Hilferty's ((q/Σλᵏ)^⅓ - 1 + 2/9ν)/√(2/9ν) with q = Σλᵏe² and ν = (Σλᵏ)²/Σλ²ᵏ degrees
-    of freedom. `sums` hold this innovation already; `count`: the number of innovations in them.
+    |Σλᵏe|/√Σλ²ᵏ, for a window of one |e|; and Wilson and Hilferty's ((q/Σλᵏ)^⅓ - 1 + 2/9ν)/√(2/9ν) with q = Σλᵏe² and
+    ν = (Σλᵏ)²/Σλ²ᵏ degrees of freedom. `count`: the number of innovations in the sums.
     """
-    root, weight, offset, sharp = _scales(min(count, FULL))
-    k = len(WINDOWS)
-    out = np.empty((len(e), 1 + SUMS))
-    out[:, 0] = np.abs(e)
-    out[:, 1 : 1 + k] = np.abs(sums[:, :k]) * root
-    out[:, 1 + k :] = (np.cbrt(sums[:, k:] * weight) - offset) * sharp
+    root, weight, offset, sharp = (scale[:, None] for scale in _scales(min(count, FULL)))
+    out = np.empty_like(sums)
+    out[:M] = np.abs(sums[:M]) * root[:M]
+    out[M:] = (np.cbrt(sums[M:] * weight[M:]) - offset[M:]) * sharp[M:]
     return out
+
+
+class Bounds:
+    """The sums (7) at which the tests reach `limit`: comparing sums is a tenth of the work of `statistics`."""
+
+    def __init__(self, limit: float) -> None:
+        root, weight, offset, sharp = _scales(np.arange(1, FULL + 1)[:, None])
+        bounds = np.where(np.arange(len(WINDOWS)) < M, limit / root, (limit / sharp + offset) ** 3 / weight)
+        self._bounds = bounds[:, :, None]
+
+    def exceeded(self, sums: Array, count: int) -> Flags:
+        """Which of the tests (7, H) exceed the limit; the same as `statistics(sums, count) > limit`."""
+        return np.asarray(np.abs(sums) > self._bounds[min(count, FULL) - 1])
 
 
 def window_of(test: int) -> int:
     """The number of readings that a test looks at."""
-    return 1 if not 0 < test < len(TESTS) else int(WINDOWS[(test - 1) % len(WINDOWS)])
+    return int(WINDOWS[test]) if test < len(TESTS) else 1
 
 
 def normal_reach(risk: float) -> float:

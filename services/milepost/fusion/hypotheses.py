@@ -10,10 +10,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .evidence import SECONDS_PER_HOUR, normal_reach, threshold
+from .evidence import SECONDS_PER_HOUR, Flags, normal_reach, threshold
 
 Units = frozenset[str]
-Flags = NDArray[np.bool_]
 NOBODY: Units = frozenset()
 # a state's errors are the same for about so long: as many independent chances of being outside there are in an hour
 DECORRELATION_S = 10.0
@@ -24,10 +23,9 @@ PLAUSIBLE = 0.02
 class Suspect(NamedTuple):
     """A unit as a possible liar.
 
-    `fault_probability`: that it lies at any moment; 0: it is trusted, and no hypothesis leaves it out. `readings_per_s`: for
-    the number of tests. `odd_alone`: a single odd reading is that reading's fault (a balise in the wrong place), two in a row
-    the unit's. `never_repeats`: no two of its readings are the same. `slips`: it is a wheel. `hold`: how many readings in
-    agreement readmit it.
+    `fault_probability`: that it lies at any moment, above 0. `readings_per_s`: for the number of tests. `odd_alone`: a single
+    odd reading is that reading's fault (a balise in the wrong place), two in a row the unit's. `never_repeats`: no two of its
+    readings are the same. `slips`: it is a wheel. `hold`: how many readings in agreement readmit it.
     """
 
     unit: str
@@ -65,7 +63,7 @@ class Doubts:
         First just these, and one cause more (a unit, or a group); then two causes more, where both at once are likelier than
         the risk of a decorrelation time.
         """
-        causes = [(frozenset((s.unit,)), s.fault_probability) for s in self.suspects if s.fault_probability > 0.0]
+        causes = [(frozenset((s.unit,)), s.fault_probability) for s in self.suspects]
         causes += self.groups
         single: dict[Units, float] = {excluded: 1.0}
         pairs: dict[Units, float] = {}
@@ -95,7 +93,7 @@ class Rows:
         self._single = np.arange(len(self.sets)) < len(single)
         self.places = {units: i for i, units in enumerate(self.sets)}
         self._uses: dict[str, Flags] = {}
-        self._reach: dict[bytes, NDArray[np.float64]] = {}
+        self._intervals: dict[bytes, tuple[Flags, NDArray[np.float64]]] = {}
 
     def uses(self, unit: str) -> Flags:
         """Whether each row uses a unit."""
@@ -112,18 +110,21 @@ class Rows:
         """
         return alive & self._single if alive[0] else self.plausible(alive)
 
-    def reach(self, alive: Flags) -> NDArray[np.float64]:
-        """K (H) of each row: Σ p_h · 2 Φ(-K_h) is the risk of one decorrelation time; the published rows share it evenly.
+    def intervals(self, alive: Flags) -> tuple[Flags, NDArray[np.float64]]:
+        """The published rows (H), and K of each of these: Σ p_h · 2 Φ(-K_h) is the risk of one decorrelation time.
 
+        The published rows share it evenly.
         p_h is 1 for row 0 and the probability of its faults for each other row, and relative to the likeliest once row 0 is
         refuted.
         """
         key = alive.tobytes()
-        reach = self._reach.get(key)
-        if reach is None:
-            risk = self.doubts.risk * self.chances[alive].max(initial=0.0) / max(1, int(self.published(alive).sum()))
-            reach = self._reach[key] = np.array([normal_reach(risk / p) for p in self.chances])
-        return reach
+        kept = self._intervals.get(key)
+        if kept is None:
+            published = self.published(alive)
+            risk = self.doubts.risk * self.chances[alive].max(initial=0.0) / max(1, int(published.sum()))
+            kept = published, np.array([normal_reach(risk / p) for p in self.chances[published]])
+            self._intervals[key] = kept
+        return kept
 
     def plausible(self, alive: Flags) -> Flags:
         """The rows alive that are not far less likely from the outset than another row alive."""

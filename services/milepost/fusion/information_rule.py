@@ -67,8 +67,7 @@ class InformationFusion:
         if bank is None or bank.since_ns is None:
             return None
         mean, covariance = self.estimator.kernel.lists(bank)
-        bounds = protected(bank, 0), protected(bank, 1)
-        return Fused(mean, covariance, bank.verdicts, bank.since_ns, bounds, bank.doubted, bank.reset)
+        return Fused(mean, covariance, bank.verdicts, bank.since_ns, protected(bank), bank.doubted, bank.reset)
 
     def advance_to(self, now_ns: int) -> None:
         """Fold settled observations into the base."""

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
 from milepost.estimation.layout import N_COMMON, Array, Layout
 
 from .bank_state import CHANNELS, Bank, led, protected, recomposed
-from .evidence import OUT_OF_RANGE, REPEATS, STUCK, statistics
-from .hypotheses import Doubts, Flags, Rows, Units, sources
+from .evidence import Bounds, Flags, statistics
+from .finding import Finding
+from .hypotheses import Doubts, Rows, Units, sources
 from .verdicts import Exclusion, Reset
 
 # between hypotheses one of which is true, less evidence decides than against all units at once
@@ -21,30 +20,19 @@ REVIVE_NS = 30_000_000_000
 PROBATION_NS, LONGEST_PROBATION_NS = 1_000_000_000, 64_000_000_000
 
 
-class Finding(NamedTuple):
-    """What one scalar observation of a unit says.
-
-    `uses` (H): which rows use it; `worst` (H): the worst test; `tests` (H, 7): all; `nu` (H): the innovations.
-    """
-
-    unit: str
-    at_ns: int
-    uses: Flags
-    worst: Array
-    tests: Array
-    nu: Array
-
-
 class Isolation:
     """The decisions on a bank. `layout` and `doubts` are the train's."""
 
     def __init__(self, layout: Layout, doubts: Doubts) -> None:
         self._doubts, self._limit = doubts, doubts.threshold
+        self._bounds, self._soft_bounds = Bounds(self._limit), Bounds(SOFT * self._limit)
         self._channels = {s.unit: CHANNELS * i for i, s in enumerate(doubts.suspects)}
         self._kept: dict[Units, Rows] = {}
-        own = {unit: [p for p in places if p >= N_COMMON] for unit, places in layout.indices.items()}
+        own = {
+            unit: slice(places[N_COMMON], places[-1] + 1) for unit, places in layout.indices.items() if len(places) > N_COMMON
+        }
         mean, std = layout.prior(np.zeros(N_COMMON), np.ones(N_COMMON))
-        spread = np.sqrt(np.diagonal(std))
+        spread = self._limit * np.sqrt(np.diagonal(std))
         self._priors = {unit: (places, mean[places], spread[places]) for unit, places in own.items()}
 
     def rows(self, excluded: Units) -> Rows:
@@ -60,21 +48,23 @@ class Isolation:
 
     def decide(self, before: Bank, state: Bank, finding: Finding) -> Bank:
         """Refute hypotheses, and exclude or readmit units; `before`: the bank without the finding's observation."""
-        unit, at_ns, uses, worst = finding.unit, finding.at_ns, finding.uses, finding.worst
-        limit = self._limit if state.alive[0] else SOFT * self._limit
-        stuck, far = state.verdicts[unit].repeats >= REPEATS, self._beyond_prior(state, unit)
-        if stuck:
-            worst = np.full_like(worst, np.inf)
-        beyond = (worst > limit) | far
-        why = self._why(state, finding._replace(worst=worst), stuck, far)
-        fired = uses & beyond & state.alive
-        if not fired.any():
-            state = self._probation(state, unit, worst, why, at_ns)
+        unit, at_ns, uses = finding.unit, finding.at_ns, finding.uses
+        far = self._beyond_prior(state, unit)
+        if far is not None:
+            finding = finding._replace(far=far)
+        beyond = finding.beyond(self._bounds if state.alive[0] else self._soft_bounds)
+        fired = None if beyond is None else uses & beyond & state.alive
+        if fired is None or not fired.any():
+            if unit in state.rows.excluded:
+                state = self._probation(state, finding)
             return self._revived(state, at_ns) if any(state.dead_ns) and state.alive[0] else state
         alive = state.alive & ~fired
+        # where the leading row stands, the evidence is that against the row most refuted
+        told = state.leader if fired[state.leader] else int(np.argmax(np.where(fired, finding.worst(), -np.inf)))
+        why = self._why(state, finding, told)
         if fired[0] and alive.any():
             # the same noise is in every row: what refuted row 0 need not be found again to the full limit
-            soft = alive & uses & (worst > SOFT * self._limit)
+            soft = alive & uses & (finding.worst() > SOFT * self._limit)
             if (alive & ~soft).any():
                 alive = alive & ~soft
         dead = tuple(at_ns if f and not d else d for f, d in zip((~alive).tolist(), state.dead_ns, strict=True))
@@ -91,22 +81,23 @@ class Isolation:
             # the odds of each by its probability and the worst that its own units say against it
             odds = np.log(state.rows.chances) - 0.5 * self._margins(state) ** 2
             best = int(np.argmax(np.where(plausible, odds, -np.inf)))
-            return led(state, best, at_ns, "the hypothesis that led is refuted")
+            return led(before, state, best, at_ns, "the hypothesis that led is refuted")
         return state
 
-    def _why(self, state: Bank, finding: Finding, stuck: bool, far: Flags) -> Exclusion:
-        lead = state.leader
-        test = STUCK if stuck else OUT_OF_RANGE if far[lead] else int(np.argmax(finding.tests[lead]))
+    def _why(self, state: Bank, finding: Finding, row: int) -> Exclusion:
+        """The evidence against a row."""
         slips = self._doubts.by_unit[finding.unit].slips
-        numbers = float(finding.worst[lead]), float(finding.nu[lead]), float(state.x[lead, 1])
-        return Exclusion(finding.at_ns, finding.unit, test, *numbers, slips)
+        numbers = float(finding.worst()[row]), float(finding.channel.nu[row]), float(state.x[row, 1])
+        return Exclusion(finding.at_ns, finding.unit, finding.test(row), *numbers, slips)
 
-    def _beyond_prior(self, state: Bank, unit: str) -> Flags:
-        """Whether a private state of a unit is farther from its prior than any such device is."""
-        if unit not in self._priors:
-            return np.zeros(len(state.x), dtype=bool)
-        places, mean, std = self._priors[unit]
-        return np.asarray((np.abs(state.x[:, places] - mean) > self._limit * std).any(axis=1))
+    def _beyond_prior(self, state: Bank, unit: str) -> Flags | None:
+        """The rows where a private state of a unit is farther from its prior than any such device is; None: nowhere."""
+        prior = self._priors.get(unit)
+        if prior is None:
+            return None
+        places, mean, reach = prior
+        far = np.abs(state.x[:, places] - mean) > reach
+        return np.asarray(far.any(axis=1)) if far.any() else None
 
     def _margins(self, state: Bank) -> Array:
         """Each row's worst test over all units that it uses."""
@@ -114,15 +105,17 @@ class Isolation:
         for unit, place in self._channels.items():
             uses = state.rows.uses(unit)
             for channel in range(place, place + CHANNELS):
-                if state.counts[channel]:
-                    tests = statistics(state.sums[:, channel], np.zeros(len(out)), state.counts[channel])
-                    out = np.maximum(out, np.where(uses, tests.max(axis=1), 0.0))
+                sums, count = state.channels[channel][:2]
+                if count:
+                    # without the first test: the last reading alone is no evidence of long standing
+                    worst = statistics(sums, count)[1:].max(axis=0)
+                    out = np.maximum(out, np.where(uses, worst, 0.0))
         return out
 
     def _excluded(self, before: Bank, state: Bank, row: int, why: Exclusion) -> Bank:
         old, units = state.rows, state.rows.sets[row]
-        seen = state.nu[0] if before.alive[0] else state.nu[row]
-        state = led(state, row, why.at_ns, "excluded: " + ", ".join(sorted(units - old.excluded)))
+        seen = _innovations(state, 0 if before.alive[0] else row)
+        state = led(before, state, row, why.at_ns, "excluded: " + ", ".join(sorted(units - old.excluded)))
         new = self.rows(units)
         out = recomposed(state, new, sources(new, old, state.alive, lambda s: (s,), row))
         if before.alive[0] and why.sudden:
@@ -137,7 +130,8 @@ class Isolation:
         """
         if not self._doubts.by_unit[unit].slips or unit not in self._priors:
             return state
-        own = self._priors[unit][0]
+        places = self._priors[unit][0]
+        own = list(range(places.start, places.stop))
         x, P = state.x.copy(), state.P.copy()
         x[:, own] = before.x[0, own]
         P[:, own, :] = 0.0
@@ -145,12 +139,12 @@ class Isolation:
         P[np.ix_(range(len(P)), own, own)] = 4.0 * before.P[0][np.ix_(own, own)]
         return state._replace(x=x, P=P)
 
-    def _noted(self, state: Bank, units: Units, why: Exclusion, nu: Array) -> Bank:
+    def _noted(self, state: Bank, units: Units, why: Exclusion, nu: list[float]) -> Bank:
         """Note why units are excluded, each by its own last innovation `nu` (channels); their tests begin again."""
         verdicts = dict(state.verdicts)
         for unit in units:
             earlier, slips = verdicts[unit], self._doubts.by_unit[unit].slips
-            own = why._replace(innovation=float(nu[self._channels[unit]]), slips=slips)
+            own = why._replace(innovation=nu[self._channels[unit]], slips=slips)
             verdicts[unit] = earlier._replace(
                 excluded=own, probation_ns=why.at_ns, agreed=0, relapses=earlier.relapses + 1, refused=None
             )
@@ -161,8 +155,7 @@ class Isolation:
         """No hypothesis is left: go on without the unit that refuted the last one, from the widest belief that was held."""
         old = before.rows
         best = int(np.flatnonzero(before.alive)[0])
-        low, high = protected(before, 0)
-        slow, fast = protected(before, 1)
+        (low, high), (slow, fast) = protected(before)
         units = old.sets[best] | {unit}
         wide = before.P[best].copy()
         for place, half in ((0, 0.5 * (high - low)), (1, 0.5 * (fast - slow))):
@@ -173,42 +166,39 @@ class Isolation:
         out = recomposed(before, new, [best] * len(new.sets))
         out = out._replace(
             P=np.tile(wide, (len(new.sets), 1, 1)),
-            sums=np.zeros_like(out.sums),
-            counts=(0,) * len(out.counts),
+            channels=tuple(channel.fresh() for channel in out.channels),
             reset=Reset(at_ns, abs(high - low), abs(fast - slow), "no hypothesis was left: the bank starts again"),
         )
-        return self._noted(out, units - old.excluded, why, before.nu[best])
+        return self._noted(out, units - old.excluded, why, _innovations(before, best))
 
-    def _probation(self, state: Bank, unit: str, worst: Array, why: Exclusion, at_ns: int) -> Bank:
+    def _probation(self, state: Bank, finding: Finding) -> Bank:
         """Readmit an excluded unit that has agreed with the leading hypothesis for long enough."""
-        if unit not in state.rows.excluded:
-            return state
+        unit, at_ns = finding.unit, finding.at_ns
         verdict, suspect = state.verdicts[unit], self._doubts.by_unit[unit]
-        if worst[state.leader] > SOFT * SOFT * self._limit:
+        if finding.worst()[state.leader] > SOFT * SOFT * self._limit:
+            why = self._why(state, finding, state.leader)
             state = self._fresh(state, unit)
             earlier = verdict.excluded
             if earlier is not None and (why.slipping or earlier.found_by != unit) and not earlier.slipping:
                 # its own test tells better than another's what it does, and a slip may begin slowly
                 verdict = verdict._replace(excluded=why._replace(at_ns=earlier.at_ns))
-            return state._replace(verdicts={**state.verdicts, unit: verdict._replace(probation_ns=at_ns, agreed=0)})
+            return state.judged(unit, verdict._replace(probation_ns=at_ns, agreed=0))
         agreed = verdict.agreed + 1
         hold_ns = min(LONGEST_PROBATION_NS, PROBATION_NS << min(verdict.relapses - 1, 10))
         if agreed < suspect.hold or at_ns - verdict.probation_ns < hold_ns or not state.alive[0]:
-            return state._replace(verdicts={**state.verdicts, unit: verdict._replace(agreed=agreed)})
+            return state.judged(unit, verdict._replace(agreed=agreed))
         old = state.rows
         new = self.rows(old.excluded - {unit})
         out = recomposed(state, new, sources(new, old, state.alive, lambda s: (s | {unit},), state.leader))
         out = self._fresh(out, unit)
-        return out._replace(verdicts={**out.verdicts, unit: verdict._replace(excluded=None, agreed=0)})
+        counted_ns = at_ns if verdict.refused is None else verdict.counted_ns
+        return out.judged(unit, verdict._replace(excluded=None, agreed=0, counted_ns=counted_ns))
 
     def _fresh(self, state: Bank, unit: str) -> Bank:
         """The tests of a unit begin again."""
         place = self._channels[unit]
-        sums, strikes, counts = state.sums.copy(), state.strikes.copy(), list(state.counts)
-        sums[:, place : place + CHANNELS] = 0.0
-        strikes[:, place : place + CHANNELS] = 0
-        counts[place : place + CHANNELS] = [0] * CHANNELS
-        return state._replace(sums=sums, counts=tuple(counts), strikes=strikes)
+        fresh = tuple(channel.fresh() for channel in state.channels[place : place + CHANNELS])
+        return state._replace(channels=(*state.channels[:place], *fresh, *state.channels[place + CHANNELS :]))
 
     def _revived(self, state: Bank, at_ns: int) -> Bank:
         due = [bool(d) and at_ns - d > REVIVE_NS for d in state.dead_ns]
@@ -219,8 +209,12 @@ class Isolation:
         return state._replace(
             x=state.x[index],
             P=state.P[index],
-            sums=state.sums[index],
-            nu=state.nu[index],
+            channels=tuple(channel.of(index) for channel in state.channels),
             alive=state.alive | np.array(due),
             dead_ns=dead,
         )
+
+
+def _innovations(state: Bank, row: int) -> list[float]:
+    """The last innovation of each channel in a row."""
+    return [float(channel.nu[row]) for channel in state.channels]

@@ -10,7 +10,7 @@ import numpy as np
 from milepost.estimation.layout import PLACES_OF_COMMON, Array, Layout
 from milepost.estimation.observation import Observation
 
-from .hypotheses import Flags
+from .evidence import Flags
 
 # what readings measure, one field of each kind
 MEASURED = ("longitude_deg", "specific_force_mps2", "speed_mps")
@@ -68,19 +68,23 @@ class Readings:
     def __init__(self, layout: Layout, judges: Mapping[str, Judge]) -> None:
         self._layout, self._judges = layout, judges
         own = {unit: np.array(layout.indices.get(unit, PLACES_OF_COMMON)) for unit in judges}
-        self._places = {unit: (places, places[:, None]) for unit, places in own.items()}
+        # the places in x, and in P row by row
+        self._places = {unit: (places, (layout.dimension * places[:, None] + places).ravel()) for unit, places in own.items()}
 
     def rows(
         self, memory: Any, observation: Observation, x: Array, P: Array, leader: int
     ) -> tuple[list[Linear], Any, str | None, str | None]:
         """A reading's rows for the hypotheses x (H, n), P (H, n, n), and what the judge says of it at the leading one."""
         unit, reading = observation.unit, observation.reading
-        judge, (own, column) = self._judges[unit], self._places[unit]
+        judge, (own, pairs) = self._judges[unit], self._places[unit]
+        k = len(own)
         if not judge.pure:
-            rows, memory, gating, refused = judge.judge(memory, reading, x[leader, own], P[leader, column, own])
+            mean, covariance = x[leader].take(own), P[leader].take(pairs).reshape(k, k)
+            rows, memory, gating, refused = judge.judge(memory, reading, mean, covariance)
             return [Linear(np.array(self._layout.lift(unit, h)), z, R) for h, z, R in rows], memory, gating, refused
+        means, covariances = x.take(own, axis=1), P.reshape(len(P), -1).take(pairs, axis=1).reshape(-1, k, k)
         out = []
-        for h, z, R, present in judge.each(reading, x[:, own], P[:, column, own]):
+        for h, z, R, present in judge.each(reading, means, covariances):
             full = np.zeros((*h.shape[:-1], self._layout.dimension))
             full[..., own] = h
             out.append(Linear(full, z, R, present))

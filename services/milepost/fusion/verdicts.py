@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from .evidence import KINDS, OUT_OF_RANGE, STUCK, WINDOWS, window_of
+from .evidence import KINDS, OUT_OF_RANGE, SHORT, STUCK, window_of
 
 # a wheel whose speed differs from the train's by this part slips
 SLIP_RATIO = 0.02
@@ -24,7 +24,7 @@ class Exclusion(NamedTuple):
     @property
     def sudden(self) -> bool:
         """Whether a few readings told."""
-        return window_of(self.test) <= WINDOWS[0]
+        return window_of(self.test) <= SHORT
 
     @property
     def slipping(self) -> bool:

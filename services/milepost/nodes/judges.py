@@ -60,9 +60,12 @@ class UnitJudge:
             rows = self._sensor.observe_each(reading, means, covariances)
         except UNUSABLE:
             return ()
-        for row in rows:
-            least, largest = np.min(row.variance), np.max(row.variance)
-            # a sum is finite where every value is
-            if not (math.isfinite(np.sum(row.value)) and least >= LEAST_VARIANCE and largest <= LARGEST_VARIANCE):
-                return ()
-        return rows
+        return rows if all([_usable(row.value, row.variance) for row in rows]) else ()  # noqa: C419 (a list is faster here)
+
+
+def _usable(value: Array | float, variance: Array | float) -> bool:
+    """Whether values are finite and variances within limits."""
+    least, largest = (variance.min(), variance.max()) if isinstance(variance, np.ndarray) else (variance, variance)
+    # a sum is finite where every value is
+    total = value.sum() if isinstance(value, np.ndarray) else value
+    return math.isfinite(total) and least >= LEAST_VARIANCE and bool(largest <= LARGEST_VARIANCE)

@@ -25,7 +25,10 @@ from .observed import Belief, Observed, Stacked, stacked
 
 
 class SensorOptions(BaseModel):
-    """A unit's entry in a train file. `filter` names a row of the filter table, alone or as `kind` beside its options."""
+    """A unit's entry in a train file. `filter` names a row of the filter table, alone or as `kind` beside its options.
+
+    `fault_probability`: that the unit lies at any moment; without it, the kind's. 0: it is trusted, and never excluded.
+    """
 
     model_config = STRICT
 
@@ -110,8 +113,6 @@ class Sensor(ABC, Generic[O]):
     # that such a device lies at any moment, where the train file does not say; and that all wheels of a train slip together
     fault_probability: ClassVar[float] = 1e-4
     slip_probability: ClassVar[float] = 0.0
-    # whether the noise of the device makes every reading another one
-    never_repeats: ClassVar[bool] = False
 
     # a sensor by itself has no memory of its readings
     memory: Any = None
@@ -130,6 +131,11 @@ class Sensor(ABC, Generic[O]):
     def period_s(self) -> float | None:
         """The time between readings; None for an aperiodic sensor, whose readings are never due."""
         return None
+
+    @property
+    def never_repeats(self) -> bool:
+        """Whether the noise of the device makes every reading another one: one that repeats is stuck."""
+        return False
 
     @property
     def latency_s(self) -> float:

@@ -33,7 +33,11 @@ class Gnss(Sensor[GnssOptions]):
     stream = "position_reading"
     options_model = GnssOptions
     fault_probability = 3e-3
-    never_repeats = True
+
+    @property
+    def never_repeats(self) -> bool:
+        """Fixes are noisy to the last digit."""
+        return True
 
     @property
     def private_states(self) -> tuple[PrivateState, ...]:

@@ -78,7 +78,11 @@ class Imu(Sensor[ImuOptions]):
     kind = "imu"
     stream = "inertial_reading"
     options_model = ImuOptions
-    never_repeats = True
+
+    @property
+    def never_repeats(self) -> bool:
+        """Accelerations are noisy to the last digit."""
+        return True
 
     @property
     def private_states(self) -> tuple[PrivateState, ...]:

@@ -34,7 +34,11 @@ class InductionLoop(Sensor[InductionLoopOptions]):
     kind = "induction_loop"
     stream = "speed_reading"
     options_model = InductionLoopOptions
-    never_repeats = True
+
+    @property
+    def never_repeats(self) -> bool:
+        """Pulses are timed to the last digit."""
+        return True
 
     @property
     def needs_belief(self) -> bool:

@@ -75,6 +75,11 @@ class Odometer(Sensor[OdometerOptions]):
     slip_probability = 3e-3
 
     @property
+    def never_repeats(self) -> bool:
+        """Where edges are timed; counts repeat."""
+        return self.options.timer_s is not None
+
+    @property
     def private_states(self) -> tuple[PrivateState, ...]:
         """`scale` κ: true over nominal diameter, less one; wear makes it a random walk."""
         return (PrivateState("scale", 0.0, self.options.scale_std, noise_psd=self.options.scale_noise_psd),)

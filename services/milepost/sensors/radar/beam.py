@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from typing import Annotated, Any, TypeVar
 
+import numpy as np
 from pydantic import Field
 
 from milepost.estimation.layout import Array, PrivateState
@@ -193,7 +194,11 @@ class RadarSensor(Sensor[R]):
     """
 
     stream = "speed_reading"
-    never_repeats = True
+
+    @property
+    def never_repeats(self) -> bool:
+        """Doppler speeds are noisy to the last digit."""
+        return True
 
     @property
     def private_states(self) -> tuple[PrivateState, ...]:
@@ -225,6 +230,9 @@ class RadarSensor(Sensor[R]):
 
     def observe_each(self, reading: Any, means: Array, covariances: Array) -> list[Stacked]:
         """`observe` at each belief."""
-        if reading.speed_mps is None or not self.options.signed or self.options.scale is None:
+        z, variance = reading.speed_mps, reading.speed_variance_m2ps2
+        if z is None or not self.options.signed:
             return super().observe_each(reading, means, covariances)
-        return [scaled_speeds(reading.speed_mps, reading.speed_variance_m2ps2, means, covariances)]
+        if self.options.scale is None:
+            return [Stacked(np.array((0.0, 1.0, 0.0)), z, variance)]
+        return [scaled_speeds(z, variance, means, covariances)]

@@ -1,0 +1,84 @@
+"""One run of a campaign: a train on one seed with its faults, and what was measured on it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from milepost.config.shipped_files import find_file
+from milepost.config.train import load_train
+from milepost.config.yaml_files import ConfigError
+from milepost.offline.run import simulate
+from milepost.runtime.process_pool import Cancelled
+from milepost.simulation.faults import FaultEntry
+
+from .fingerprint import code_fingerprint, digest, train_fingerprint
+from .measure import Spell, measure
+from .watch import Watch
+
+Figures = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Task:
+    """A run: the campaign's entry `train`, its file by name or path with `change`, the seed, and the faults.
+
+    `faults` are the fields of FaultEntry, `labels` what the campaign calls them. `inputs` and `code` are the fingerprints of
+    the train's files and of the code with which the run is meant to be made.
+    """
+
+    train: str
+    file: str
+    duration_s: float
+    onset_s: float
+    seed: int
+    inputs: str
+    code: str
+    change: dict[str, Any] = field(default_factory=dict)
+    faults: tuple[dict[str, Any], ...] = ()
+    labels: tuple[str, ...] = ()
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """The units that have a fault."""
+        return tuple(str(fault["unit"]) for fault in self.faults)
+
+    @property
+    def key(self) -> str:
+        """A hash of all that the figures depend on; where the train file lies is not part of it."""
+        parts = (self.duration_s, self.onset_s, self.seed, self.inputs, self.code, self.change, self.faults)
+        return digest(parts)
+
+    def as_dict(self) -> dict[str, Any]:
+        """What a person needs to find the run in a file of results."""
+        return {
+            "train": self.train,
+            "units": list(self.units),
+            "faults": list(self.labels),
+            "seed": self.seed,
+            "code": self.code,
+        }
+
+
+def run_task(task: Task, progress: Callable[[float], None]) -> Figures:
+    """The figures of a run; `crashed` alone, with the reason, where a node failed.
+
+    Raises ConfigError where this machine has other code or other files than the task was made for, or a file is wrong.
+    """
+    path = find_file(Path(task.file), "trains")
+    if task.code != code_fingerprint():
+        raise ConfigError(path, "", "a worker has another version of Milepost or numpy than this command")
+    if task.inputs != train_fingerprint(path):
+        raise ConfigError(path, "", "a worker has another version of this train's files than this command")
+    train = load_train(path, task.change, task.seed)
+    entries = [FaultEntry.model_validate(fault) for fault in task.faults]
+    watch = Watch()
+    try:
+        simulate(train, task.duration_s, watch.tap, None, progress, entries)
+    except (ConfigError, Cancelled):
+        raise
+    except Exception as error:  # a fault that stops a node is a result, not the end of the campaign
+        return {"crashed": " ".join(f"{type(error).__name__}: {error}".split())}
+    return measure(watch, [Spell(entry.unit, entry.from_s, entry.to_s) for entry in entries], task.onset_s, list(train.sensors))

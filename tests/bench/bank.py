@@ -1,0 +1,64 @@
+"""The fuser's step with its bank of hypotheses, beside the same step with one belief."""
+
+from __future__ import annotations
+
+import timeit
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from milepost.config.roles import fuser_settings
+from milepost.config.train import load_train
+from milepost.estimation.estimator import Estimator
+from milepost.fusion.hypotheses import NOBODY, Doubts, Rows
+from milepost.fusion.information_rule import InformationFusion
+from milepost.fusion.rule import Fused
+from milepost.fusion.rules import RULES
+from milepost.nodes.fuser import FuserNode
+from milepost.offline.run import simulate
+
+DURATION_S = 10.0
+ROUNDS = 5
+
+
+class OneBelief(InformationFusion):
+    """The rule `information` with one belief, in the fastest kernel that holds it, from the filters' rows."""
+
+    def __init__(self, layout, jerk_psd, prior, horizon_ns, *_):
+        self.estimator = Estimator(layout, jerk_psd, prior, horizon_ns)
+        self.names, self.counters = layout.names, self.estimator.counters
+
+    def state_at(self, at_ns, shares):
+        found = self.estimator.lists_at(at_ns)
+        return found and Fused(*found, {}, self.estimator.timeline.earliest_ns)
+
+
+RULES["one belief"] = OneBelief
+
+
+def measure_bank(train_file: Path) -> dict[str, float]:
+    """µs of a fuser's step, estimate in, state and feedback out: with its bank, and with one belief; rounds alternate."""
+    train = load_train(train_file)
+    heard: list = []
+
+    def listen(output, now):
+        if output.stream in ("estimate", "fix"):
+            heard.append((output.message, now))
+
+    simulate(train, DURATION_S, listen)
+    bank = fuser_settings(train)
+    one = replace(bank, rule="one belief", judges={}, doubts=Doubts())
+    spent: dict[str, list[float]] = {"bank": [], "one": []}
+    for _ in range(ROUNDS):
+        for name, settings in (("bank", bank), ("one", one)):
+            node = FuserNode(train.name, "bench", settings, train.line)
+            begun = timeit.default_timer()
+            for message, now in heard:
+                for _ in node.step(message, now):
+                    pass
+            spent[name].append((timeit.default_timer() - begun) / len(heard))
+    bank_us, one_us = (float(np.median(spent[name])) * 1e6 for name in ("bank", "one"))
+    ratio = float(np.median([b / o for b, o in zip(spent["bank"], spent["one"], strict=True)]))
+    hypotheses = len(Rows(bank.doubts, NOBODY).sets)
+    return {"hypotheses": hypotheses, "bank_us": bank_us, "one_belief_us": one_us, "bank_over_one": ratio}

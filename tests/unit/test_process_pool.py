@@ -1,0 +1,51 @@
+"""Tasks in several processes: results in order, each one told as soon as it is there."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+
+import pytest
+
+from milepost.runtime.process_pool import run_in_processes
+
+
+def squared(task: float, progress: Callable[[float], None]) -> tuple[float, int]:
+    progress(task / 2.0)
+    if task < 0.0:
+        raise ValueError("negative")
+    progress(task)
+    return task * task, os.getpid()
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_results_come_in_the_order_of_the_tasks(jobs: int) -> None:
+    results = run_in_processes(squared, [3.0, 1.0, 2.0], jobs, lambda done: None)
+    assert [result for result, _ in results] == [9.0, 1.0, 4.0]
+    assert (os.getpid() in {process for _, process in results}) == (jobs == 1)
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_each_result_is_told_once_with_its_place(jobs: int) -> None:
+    told: dict[int, float] = {}
+    run_in_processes(squared, [3.0, 1.0, 2.0], jobs, lambda done: None, lambda place, result: told.update({place: result[0]}))
+    assert told == {0: 9.0, 1: 1.0, 2: 4.0}
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_progress_is_the_sum_over_all_tasks(jobs: int) -> None:
+    told: list[float] = []
+    run_in_processes(squared, [3.0, 1.0, 2.0], jobs, told.append)
+    assert told == sorted(told)
+    assert told[-1] == 6.0
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_a_task_that_fails_fails_the_whole(jobs: int) -> None:
+    with pytest.raises(ValueError, match="negative"):
+        run_in_processes(squared, [1.0, -1.0], jobs, lambda done: None)
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_without_tasks_there_are_no_results(jobs: int) -> None:
+    assert run_in_processes(squared, [], jobs, lambda done: None) == []
