@@ -188,7 +188,7 @@ def test_a_lie_that_is_found_at_once_is_no_step_of_the_state() -> None:
     moments = list(WITH_WHEEL.moments(12.0, {"wheel": between(FROM_S, TO_S, scale(1440.0 / 850.0))}))
     place = next(i for i, m in enumerate(moments) if m.excluded)
     (x, _), (y, P) = leading(moments[place - 1]), leading(moments[place])
-    assert np.all(np.abs(y - x)[:2] < np.sqrt(np.diag(P))[:2] + [20.0 * 0.02, 0.0])
+    assert np.all(np.abs(y - x)[:2] < np.add(np.sqrt(np.diag(P))[:2], [20.0 * 0.02, 0.0]))
     assert moments[place].bank.reset is None
 
 
