@@ -139,7 +139,7 @@ class Moment(NamedTuple):
 
     def intervals(self) -> tuple[tuple[float, float], tuple[float, float]]:
         """The intervals of position and speed."""
-        return protected(self.bank, 0), protected(self.bank, 1)
+        return protected(self.bank)
 
 
 @dataclass(frozen=True)

@@ -40,11 +40,6 @@ def test_two_causes_at_once_are_held_where_likelier_than_the_risk() -> None:
     assert pairs == {A | B: pytest.approx(2e-6)}
 
 
-def test_a_trusted_unit_is_left_out_by_no_hypothesis() -> None:
-    single, pairs = doubts({"a": 0.0, "b": 1e-3, "c": 1e-3}).sets(NOBODY)
-    assert not any("a" in units for units in (*single, *pairs))
-
-
 def test_units_with_a_common_cause_are_one_hypothesis() -> None:
     single, pairs = doubts(OFTEN, groups=((A | B, 4e-3),)).sets(NOBODY)
     assert list(single) == [NOBODY, A, B, C, A | B]
@@ -107,9 +102,10 @@ def test_the_smallest_is_contained_in_all_others_or_there_is_none() -> None:
 def test_the_reach_of_each_row_is_the_one_by_hand() -> None:
     """Risk 2.8e-7 over four published rows: 6.9e-8 for row 0, 6.9e-8/p for the others, and one sigma at least."""
     rows = Rows(doubts(OFTEN, risk_per_hour=1e-4), NOBODY)
-    reach = rows.reach(np.ones(5, dtype=bool))
+    published, reach = rows.intervals(np.ones(5, dtype=bool))
+    assert published.tolist() == [True, True, True, True, False]
     each = 1e-4 * 10.0 / 3600.0 / 4.0
-    expected = [-NormalDist().inv_cdf(0.5 * each / p) for p in (1.0, 1e-3, 2e-3, 1e-5, 2e-6)]
+    expected = [-NormalDist().inv_cdf(0.5 * each / p) for p in (1.0, 1e-3, 2e-3, 1e-5)]
     assert reach == pytest.approx([max(1.0, k) for k in expected], rel=1e-9)
     assert reach[0] == pytest.approx(5.39, abs=0.01)
     assert reach[1] == pytest.approx(3.98, abs=0.01)
@@ -118,10 +114,8 @@ def test_the_reach_of_each_row_is_the_one_by_hand() -> None:
 def test_the_risk_summed_over_the_published_rows_is_the_budget() -> None:
     rows = Rows(doubts(OFTEN), NOBODY)
     for alive in (np.ones(5, dtype=bool), flags(rows, NOBODY, A), flags(rows, NOBODY)):
-        published = rows.published(alive)
-        spent = sum(
-            p * 2.0 * NormalDist().cdf(-k) for p, k in zip(rows.chances[published], rows.reach(alive)[published], strict=True)
-        )
+        published, reach = rows.intervals(alive)
+        spent = sum(p * 2.0 * NormalDist().cdf(-k) for p, k in zip(rows.chances[published], reach, strict=True))
         assert spent <= rows.doubts.risk * (1.0 + 1e-9)
         assert spent > 0.7 * rows.doubts.risk
 
@@ -129,10 +123,11 @@ def test_the_risk_summed_over_the_published_rows_is_the_budget() -> None:
 def test_once_row_0_is_refuted_the_likeliest_counts_as_certain() -> None:
     """b is twice as likely as a: K of b is that of the risk shared by two, K of a that of twice as much."""
     rows = Rows(doubts(OFTEN), NOBODY)
-    reach = rows.reach(flags(rows, A, B))
+    published, reach = rows.intervals(flags(rows, A, B))
+    assert np.flatnonzero(published).tolist() == [rows.places[A], rows.places[B]]
     each = rows.doubts.risk / 2.0
-    assert reach[rows.places[B]] == pytest.approx(-NormalDist().inv_cdf(0.5 * each), rel=1e-9)
-    assert reach[rows.places[A]] == pytest.approx(-NormalDist().inv_cdf(0.5 * each * 2.0), rel=1e-9)
+    assert reach[1] == pytest.approx(-NormalDist().inv_cdf(0.5 * each), rel=1e-9)
+    assert reach[0] == pytest.approx(-NormalDist().inv_cdf(0.5 * each * 2.0), rel=1e-9)
 
 
 def test_on_exclusion_each_row_continues_itself_or_the_new_row_0() -> None:

@@ -107,9 +107,12 @@ def recomposed(state: Bank, rows: Rows, index: list[int]) -> Bank:
     )
 
 
-def led(state: Bank, row: int, at_ns: int, reason: str) -> Bank:
-    """Another row leads; a step that is larger than the new row's own uncertainty is noted."""
-    old, new = state.x[state.leader], state.x[row]
+def led(before: Bank, state: Bank, row: int, at_ns: int, reason: str) -> Bank:
+    """Another row leads; a step from `before` that is larger than the new row's own uncertainty is noted.
+
+    `before`: without the observation that decided, which was never published.
+    """
+    old, new = before.x[before.leader], state.x[row]
     step_m, step_mps = float(new[0] - old[0]), float(new[1] - old[1])
     variances = np.diagonal(state.P[row])
     far = abs(step_m) > 2.0 * math.sqrt(variances[0]) or abs(step_mps) > 2.0 * math.sqrt(variances[1])

@@ -58,7 +58,10 @@ class Isolation:
             if unit in state.rows.excluded:
                 state = self._probation(state, finding)
             return self._revived(state, at_ns) if any(state.dead_ns) and state.alive[0] else state
-        alive, why = state.alive & ~fired, self._why(state, finding)
+        alive = state.alive & ~fired
+        # where the leading row stands, the evidence is that against the row most refuted
+        told = state.leader if fired[state.leader] else int(np.argmax(np.where(fired, finding.worst(), -np.inf)))
+        why = self._why(state, finding, told)
         if fired[0] and alive.any():
             # the same noise is in every row: what refuted row 0 need not be found again to the full limit
             soft = alive & uses & (finding.worst() > SOFT * self._limit)
@@ -78,14 +81,14 @@ class Isolation:
             # the odds of each by its probability and the worst that its own units say against it
             odds = np.log(state.rows.chances) - 0.5 * self._margins(state) ** 2
             best = int(np.argmax(np.where(plausible, odds, -np.inf)))
-            return led(state, best, at_ns, "the hypothesis that led is refuted")
+            return led(before, state, best, at_ns, "the hypothesis that led is refuted")
         return state
 
-    def _why(self, state: Bank, finding: Finding) -> Exclusion:
-        lead = state.leader
+    def _why(self, state: Bank, finding: Finding, row: int) -> Exclusion:
+        """The evidence against a row."""
         slips = self._doubts.by_unit[finding.unit].slips
-        numbers = float(finding.worst()[lead]), float(finding.channel.nu[lead]), float(state.x[lead, 1])
-        return Exclusion(finding.at_ns, finding.unit, finding.test(lead), *numbers, slips)
+        numbers = float(finding.worst()[row]), float(finding.channel.nu[row]), float(state.x[row, 1])
+        return Exclusion(finding.at_ns, finding.unit, finding.test(row), *numbers, slips)
 
     def _beyond_prior(self, state: Bank, unit: str) -> Flags | None:
         """The rows where a private state of a unit is farther from its prior than any such device is; None: nowhere."""
@@ -112,7 +115,7 @@ class Isolation:
     def _excluded(self, before: Bank, state: Bank, row: int, why: Exclusion) -> Bank:
         old, units = state.rows, state.rows.sets[row]
         seen = _innovations(state, 0 if before.alive[0] else row)
-        state = led(state, row, why.at_ns, "excluded: " + ", ".join(sorted(units - old.excluded)))
+        state = led(before, state, row, why.at_ns, "excluded: " + ", ".join(sorted(units - old.excluded)))
         new = self.rows(units)
         out = recomposed(state, new, sources(new, old, state.alive, lambda s: (s,), row))
         if before.alive[0] and why.sudden:
@@ -173,7 +176,7 @@ class Isolation:
         unit, at_ns = finding.unit, finding.at_ns
         verdict, suspect = state.verdicts[unit], self._doubts.by_unit[unit]
         if finding.worst()[state.leader] > SOFT * SOFT * self._limit:
-            why = self._why(state, finding)
+            why = self._why(state, finding, state.leader)
             state = self._fresh(state, unit)
             earlier = verdict.excluded
             if earlier is not None and (why.slipping or earlier.found_by != unit) and not earlier.slipping:
