@@ -11,6 +11,7 @@ from rich.console import Console
 
 from examples import EXAMPLES, head
 from milepost.cli.arrivals import Arrivals
+from milepost.cli.status import _line
 from milepost.cli.watch import Screen
 from milepost.runtime import instances
 from milepost.runtime.instances import Token
@@ -73,3 +74,14 @@ def test_while_there_is_no_state_it_names_whom_it_waits_for() -> None:
     screen.arrivals.came("router")
     screen.arrivals.came("world")
     assert "waiting for a state" in picture(screen)
+
+
+def test_units_that_contradict_each_other_are_shown_as_doubted() -> None:
+    state = EXAMPLES["state"][0]
+    assert "radar" in state.doubted
+    (row,) = (line for line in shown(Screen(), state).splitlines() if line.strip().startswith("radar "))
+    assert "doubted" in row
+
+
+def test_status_says_that_one_of_the_doubted_is_wrong() -> None:
+    assert "one of radar, loop is wrong" in _line(EXAMPLES["state"][0])

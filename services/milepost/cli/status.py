@@ -59,4 +59,5 @@ def _line(state: FusedState) -> str:
         f"{state.train}: {state.status}: {state.position_m:.2f} m on {state.line} "
         f"[{state.position_min_m:.2f}, {state.position_max_m:.2f}], {state.speed_mps * 3.6:.2f} km/h"
         + (f"; without {excluded}" if excluded else "")
+        + (f"; one of {', '.join(state.doubted)} is wrong" if state.doubted else "")
     )

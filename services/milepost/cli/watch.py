@@ -93,7 +93,8 @@ class Screen:
         if age_s > STALE_S:
             status = Text(f"stale: no state for {age_s:.0f} s", style="red")
         table.add_row("status", status)
-        table.add_row("position", f"{state.position_m:12.3f} m    [{state.position_min_m:.2f}, {state.position_max_m:.2f}]")
+        bounds = f"[{state.position_min_m:.2f}, {state.position_max_m:.2f}]"
+        table.add_row("position", f"{state.position_m:12.3f} m    {bounds} ± {state.position_accuracy_m:.2f} m without faults")
         table.add_row(
             "speed", f"{state.speed_mps * 3.6:12.3f} km/h [{state.speed_min_mps * 3.6:.2f}, {state.speed_max_mps * 3.6:.2f}]"
         )
@@ -118,8 +119,8 @@ class Screen:
             rate = _rate(health) if health else Text("")
             refused = str(sum(health.refused.values())) if health else ""
             late = str(health.rewinds) if health else ""
-            awaited = "awaited" if unit in state.awaiting else ""
-            table.add_row(unit, rate, age, share, refused, late, Text(reason or awaited, style="yellow"))
+            remark = reason or ("doubted" if unit in state.doubted else "awaited" if unit in state.awaiting else "")
+            table.add_row(unit, rate, age, share, refused, late, Text(remark, style="yellow"))
         return table
 
 
