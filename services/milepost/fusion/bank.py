@@ -129,8 +129,10 @@ class BankKernel:
         after = state.tested(*self._stack.update(state.x, state.P, h, R, innovations, taken), place, heard)
         struck = None
         if odd is not None:
-            struck = heard.strikes >= 2
-            after = after.judged(unit, _alone(state, unit, bool(odd[state.leader]), at_ns))
+            # where others are in doubt, a fix that fits one hypothesis is a witness against those that it does not fit
+            witness = not state.alive[0] and bool((state.alive & taken).any())
+            struck = odd | (heard.strikes >= 2) if witness else heard.strikes >= 2
+            after = after.judged(unit, _alone(state, unit, bool(odd[state.leader]) and not witness, at_ns))
         stuck = state.verdicts[unit].repeats >= REPEATS
         return self._isolation.decide(state, after, Finding(unit, at_ns, uses, heard, struck, stuck))
 

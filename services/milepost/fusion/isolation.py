@@ -88,7 +88,8 @@ class Isolation:
         """The evidence against a row."""
         slips = self._doubts.by_unit[finding.unit].slips
         numbers = float(finding.worst()[row]), float(finding.channel.nu[row]), float(state.x[row, 1])
-        return Exclusion(finding.at_ns, finding.unit, finding.test(row), *numbers, slips)
+        limit = self._limit if state.alive[0] else SOFT * self._limit
+        return Exclusion(finding.at_ns, finding.unit, finding.test(row), *numbers, slips, limit)
 
     def _beyond_prior(self, state: Bank, unit: str) -> Flags | None:
         """The rows where a private state of a unit is farther from its prior than any such device is; None: nowhere."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any, NamedTuple
 
 from .evidence import KINDS, OUT_OF_RANGE, SHORT, STUCK, window_of
@@ -20,6 +21,7 @@ class Exclusion(NamedTuple):
     innovation: float
     speed_mps: float
     slips: bool = False
+    limit: float = 0.0
 
     @property
     def sudden(self) -> bool:
@@ -38,15 +40,18 @@ class Exclusion(NamedTuple):
             return "spinning" if self.innovation * self.speed_mps > 0.0 else "sliding"
         return KINDS[self.test]
 
-    def evidence(self, limit: float) -> str:
+    @property
+    def evidence(self) -> str:
         """The evidence in words."""
         if self.test == STUCK:
             return f"{self.found_by} says the same again and again"
         if self.test == OUT_OF_RANGE:
             return f"{self.found_by}: what was learned of it is farther from its prior than any such device is"
+        if math.isinf(self.value):
+            return f"{self.found_by}: its fix is too far from where the train would be"
         window = window_of(self.test)
         what = "innovation is" if window == 1 else f"last {window} innovations are"
-        return f"{self.found_by}: its {what} {self.value:.1f} σ off (limit {limit:.1f})"
+        return f"{self.found_by}: its {what} {self.value:.1f} σ off (limit {self.limit:.1f})"
 
 
 class Reset(NamedTuple):

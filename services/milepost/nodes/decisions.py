@@ -12,10 +12,9 @@ from .base import Severity
 
 
 class Decisions:
-    """The decisions that were reported so far. `limit`: the threshold of the tests, in standard deviations."""
+    """The decisions that were reported so far."""
 
-    def __init__(self, limit: float) -> None:
-        self._limit = limit
+    def __init__(self) -> None:
         self._excluded: dict[str, Exclusion] = {}
         self._doubted: tuple[str, ...] = ()
         self._refused: dict[str, int] = {}
@@ -41,7 +40,7 @@ class Decisions:
         now, before = verdict.excluded, self._excluded.get(unit)
         if now is not None and (before is None or before.kind != now.kind):
             self._excluded[unit] = now
-            yield "warning", "unit_excluded", f"{unit} is {now.kind}: {now.evidence(self._limit)}"
+            yield "warning", "unit_excluded", f"{unit} is {now.kind}: {now.evidence}"
         elif now is None and before is not None:
             del self._excluded[unit]
             heard_ns = verdict.heard_ns or before.at_ns

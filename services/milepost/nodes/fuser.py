@@ -46,7 +46,7 @@ class FuserNode(Node):
             settings.doubts,
         )
         self._roster = Roster(settings.units, settings.shares, settings.deadline_ns)
-        self._decisions = Decisions(settings.doubts.threshold)
+        self._decisions = Decisions()
         self._filtered = {row.unit for row in settings.units if row.fused} - settings.judges.keys()
         self._orders = {row.unit: row.order for row in settings.units}
         self._writer = StateWriter(line, settings.period_ns, settings.sigmas, settings.lost_above_m)
