@@ -134,7 +134,7 @@ def test_variants_and_estimators_may_have_faults_of_their_own(tmp_path: Path) ->
     path.write_text(json.dumps(fields), encoding="utf-8")
     result = run_plan(make_plan(path), None, lambda t_s: None).result
     own, none = result["estimators"], result["variants"]["none"]["estimators"]
-    # live states of estimators, settled ones of the train: only errors of the fault's size are compared
     assert own["healthy"]["position_max_m"] == none["healthy"]["position_max_m"] == none["with_them"]["position_max_m"]
-    assert own["fused"]["speed_rms_mps"] > 5.0 * none["fused"]["speed_rms_mps"]
-    assert own["with_them"]["speed_rms_mps"] > 5.0 * own["healthy"]["speed_rms_mps"]
+    # the liar is excluded, so that it shows in the accuracy lost without it
+    assert own["fused"]["position_max_m"] != none["fused"]["position_max_m"]
+    assert own["with_them"]["position_max_m"] != own["healthy"]["position_max_m"]
