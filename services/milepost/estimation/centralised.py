@@ -12,10 +12,7 @@ from milepost.estimation.time_units import S_PER_NS
 from .estimator import Prior
 from .kalman import predict, update
 from .layout import PLACES_OF_COMMON, Array, Layout
-from .motion import full_process_noise, full_transition
-
-# periodic sensors repeat a few intervals; aperiodic ones must not fill the memory
-KEPT_INTERVALS = 1024
+from .motion import Steps
 
 LinearRow = tuple[tuple[float, ...], float, float]
 
@@ -51,7 +48,7 @@ def centralised(
     ordered = sorted(readings, key=lambda reading: (reading.measured_at_ns, reading.order, reading.sequence))
     if not ordered:
         return
-    steps = _Steps(layout, jerk_psd)
+    steps = Steps(layout, jerk_psd)
     x, P = layout.prior(prior.mean, prior.std)
     at, place = ordered[0].measured_at_ns if begins_ns is None else begins_ns, 0
     for epoch in sorted(epochs_ns):
@@ -59,11 +56,15 @@ def centralised(
             continue
         while place < len(ordered) and ordered[place].measured_at_ns <= epoch:
             reading = ordered[place]
-            x, P = steps.carry(x, P, reading.measured_at_ns - at)
+            x, P = _carried(steps, x, P, reading.measured_at_ns - at)
             x, P = _take(x, P, reading, layout)
             at = max(at, reading.measured_at_ns)
             place += 1
-        yield epoch, *steps.carry(x, P, epoch - at)
+        yield epoch, *_carried(steps, x, P, epoch - at)
+
+
+def _carried(steps: Steps, x: Array, P: Array, dt_ns: int) -> tuple[Array, Array]:
+    return predict(x, P, *steps.over(dt_ns * S_PER_NS)) if dt_ns > 0 else (x, P)
 
 
 def _take(x: Array, P: Array, reading: Reading, layout: Layout) -> tuple[Array, Array]:
@@ -72,23 +73,3 @@ def _take(x: Array, P: Array, reading: Reading, layout: Layout) -> tuple[Array, 
     for row, value, variance in rows:
         x, P = update(x, P, np.array(layout.lift(reading.unit, row)), value, variance)
     return x, P
-
-
-class _Steps:
-    """F and Q, stored by interval: to make them costs three times as much as to use them."""
-
-    def __init__(self, layout: Layout, jerk_psd: float) -> None:
-        self._layout, self._jerk_psd = layout, jerk_psd
-        self._kept: dict[int, tuple[Array, Array]] = {}
-
-    def carry(self, x: Array, P: Array, dt_ns: int) -> tuple[Array, Array]:
-        if dt_ns <= 0:
-            return x, P
-        step = self._kept.get(dt_ns)
-        if step is None:
-            if len(self._kept) >= KEPT_INTERVALS:
-                self._kept.clear()
-            dt_s = dt_ns * S_PER_NS
-            step = full_transition(dt_s, self._layout), full_process_noise(dt_s, self._jerk_psd, self._layout)
-            self._kept[dt_ns] = step
-        return predict(x, P, *step)

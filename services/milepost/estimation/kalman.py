@@ -8,7 +8,7 @@ import numpy as np
 
 from .gaussian import inflate_common
 from .layout import Array, Layout
-from .motion import full_process_noise, full_transition
+from .motion import Steps
 from .observation import Observation
 
 
@@ -38,21 +38,16 @@ def update(x: Array, P: Array, h: Array, z: float, R: float) -> tuple[Array, Arr
     return x + K * (z - float(h @ x)), P_new
 
 
-# periodic sensors repeat a few intervals; aperiodic ones must not fill the memory
-KEPT_INTERVALS = 256
-
-
 class ArrayKernel:
     """The two steps over a layout with private states, on states that are opaque to the timeline.
 
-    F and Q are kept by interval: making them costs three times as much as using them. A kernel is made with every feedback
-    that brings another share, so making one costs next to nothing.
+    A kernel is made with every feedback that brings another share, so making one costs next to nothing.
     """
 
     def __init__(self, layout: Layout, jerk_psd: float) -> None:
         self.layout = layout
         self.jerk_psd = jerk_psd
-        self._steps: dict[float, tuple[Array, Array]] = {}
+        self._steps = Steps(layout, jerk_psd)
 
     def pack(self, mean: Array, covariance: Array) -> tuple[Array, Array]:
         """A belief in the kernel's form."""
@@ -79,13 +74,7 @@ class ArrayKernel:
 
     def advance(self, state: tuple[Array, Array], dt_s: float) -> tuple[Array, Array]:
         """The belief `dt_s` seconds later."""
-        step = self._steps.get(dt_s)
-        if step is None:
-            if len(self._steps) >= KEPT_INTERVALS:
-                self._steps.clear()
-            step = full_transition(dt_s, self.layout), full_process_noise(dt_s, self.jerk_psd, self.layout)
-            self._steps[dt_s] = step
-        return predict(*state, *step)
+        return predict(*state, *self._steps.over(dt_s))
 
     def update(self, state: tuple[Array, Array], row: tuple[float, ...], value: float, variance: float) -> tuple[Array, Array]:
         """The belief after one observation."""

@@ -62,3 +62,25 @@ def full_process_noise(dt_s: float, jerk_psd: float, layout: Layout) -> Array:
         spread = dt_s if tau == math.inf else -0.5 * tau * math.expm1(-2.0 * dt_s / tau)
         matrix[i, i] = state.noise_psd * spread
     return matrix
+
+
+# periodic sensors repeat a few intervals; aperiodic ones must not fill the memory
+KEPT_INTERVALS = 256
+
+
+class Steps:
+    """F and Q over all states, kept by interval: to make them costs three times as much as to use them."""
+
+    def __init__(self, layout: Layout, jerk_psd: float) -> None:
+        self._layout, self._jerk_psd = layout, jerk_psd
+        self._kept: dict[float, tuple[Array, Array]] = {}
+
+    def over(self, dt_s: float) -> tuple[Array, Array]:
+        """F(T) and Q(T), shape (n, n)."""
+        step = self._kept.get(dt_s)
+        if step is None:
+            if len(self._kept) >= KEPT_INTERVALS:
+                self._kept.clear()
+            step = full_transition(dt_s, self._layout), full_process_noise(dt_s, self._jerk_psd, self._layout)
+            self._kept[dt_s] = step
+        return step

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 
-from milepost.estimation.kalman import KEPT_INTERVALS
 from milepost.estimation.layout import Array, Layout
-from milepost.estimation.motion import full_process_noise, full_transition
+from milepost.estimation.motion import Steps
 from milepost.estimation.observation import Observation
 
 from .bank_state import CHANNELS, Bank, Channel
@@ -38,7 +36,7 @@ class BankKernel:
         self._judges, self._readings = judges, Readings(layout, judges)
         self._isolation = Isolation(layout, doubts)
         self._stack = Stack()
-        self._steps: dict[float, tuple[Array, Array]] = {}
+        self._steps = Steps(layout, jerk_psd)
 
     # --- beliefs in and out
 
@@ -52,7 +50,7 @@ class BankKernel:
 
     def _begin(self, mean: Array, covariance: Array, verdicts: dict[str, Verdict], since_ns: int | None) -> Bank:
         for suspect in self.doubts.suspects:
-            verdicts.setdefault(suspect.unit, Verdict(None))
+            verdicts.setdefault(suspect.unit, NEVER_HEARD)
         rows = self._isolation.rows(NOBODY)
         H, channels = len(rows.sets), CHANNELS * len(self.doubts.suspects)
         return Bank(
@@ -80,13 +78,7 @@ class BankKernel:
         """All hypotheses `dt_s` seconds later."""
         if state.since_ns is None:
             return state
-        step = self._steps.get(dt_s)
-        if step is None:
-            if len(self._steps) >= KEPT_INTERVALS:
-                self._steps.clear()
-            step = full_transition(dt_s, self.layout), full_process_noise(dt_s, self.jerk_psd, self.layout)
-            self._steps[dt_s] = step
-        return state.moved(*self._stack.predict(state.x, state.P, *step))
+        return state.moved(*self._stack.predict(state.x, state.P, *self._steps.over(dt_s)))
 
     def take(self, state: Bank, observation: Observation) -> Bank:
         """All hypotheses after one observation, or after a whole reading."""
@@ -101,8 +93,9 @@ class BankKernel:
         # an odd reading is judged below; and where a decision excludes the unit, nobody asks what counted
         counts = rows and refused is None and unit not in state.rows.excluded and not (suspect and suspect.odd_alone)
         counted_ns = at_ns if counts else verdict.counted_ns
-        said, repeats = _repeated(verdict, observation) if suspect and suspect.never_repeats else verdict[9:11]
-        verdict = Verdict(memory, at_ns, counted_ns, gating, refused, *verdict[5:9], said, repeats, verdict.odd_ns)
+        if suspect and suspect.never_repeats:
+            verdict = _repeated(verdict, observation)
+        verdict = verdict._replace(memory=memory, heard_ns=at_ns, counted_ns=counted_ns, gating=gating, refused=refused)
         state = state.judged(unit, verdict)
         for component, row in enumerate(rows):
             state = self._observe(state, unit, min(component, CHANNELS - 1), row, at_ns)
@@ -145,10 +138,10 @@ def _alone(state: Bank, unit: str, odd: bool, at_ns: int) -> Verdict:
     return verdict._replace(refused=None, counted_ns=verdict.counted_ns if unit in state.rows.excluded else at_ns)
 
 
-def _repeated(verdict: Verdict, observation: Observation) -> tuple[Any, int]:
-    """What a unit says, and how often it said the same in a row before."""
+def _repeated(verdict: Verdict, observation: Observation) -> Verdict:
+    """The verdict on a unit with what it says, and how often it said the same in a row before."""
     said = said_by(observation)
-    return said, verdict.repeats + 1 if said is not None and said == verdict.said else 0
+    return verdict._replace(said=said, repeats=verdict.repeats + 1 if said is not None and said == verdict.said else 0)
 
 
 def _tested(channel: Channel, e: Array, nu: Array, odd: Flags | None) -> Channel:
