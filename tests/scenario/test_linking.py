@@ -13,6 +13,7 @@ from milepost.config.roles import ROLES, Setting, processes
 from milepost.config.train import Train, load_train
 from milepost.nodes.balise import BaliseNode
 from milepost.nodes.base import Output
+from milepost.offline.memory_bus import Tap
 from milepost.offline.run import OFFLINE_START_NS, OfflineRun, simulate
 from milepost.simulation.faults import Fault, silent
 from milepost.track.line import Balise, Line
@@ -120,14 +121,8 @@ class TestStopsAndTurns:
         assert codes(journey.events) == []
 
 
-def linked(
-    train: Train, line: Line, until_s: float, happening: Iterable[tuple[float, Output]] = (), *, reader: bool = True
-) -> tuple[list[Event], list[AbsoluteFix]]:
-    """Run a train, with its own reader or without, whose balise service has another line than its world."""
-    setting = Setting("offline", train.world(until_s), OFFLINE_START_NS)
-    without = {"balise"} if reader else {"balise", READER}
-    nodes = [ROLES[p.role].build(train, p.unit, setting) for p in processes(train) if p.name not in without]
-    service = BaliseNode(train.name, "offline", train.balise_readers, line)
+def listener() -> tuple[list[Event], list[AbsoluteFix], Tap]:
+    """The events and fixes that a tap collects, and the tap."""
     events: list[Event] = []
     fixes: list[AbsoluteFix] = []
 
@@ -137,6 +132,18 @@ def linked(
         elif isinstance(output.message, AbsoluteFix):
             fixes.append(output.message)
 
+    return events, fixes, tap
+
+
+def linked(
+    train: Train, line: Line, until_s: float, happening: Iterable[tuple[float, Output]] = (), *, reader: bool = True
+) -> tuple[list[Event], list[AbsoluteFix]]:
+    """Run a train, with its own reader or without, whose balise service has another line than its world."""
+    setting = Setting("offline", train.world(until_s), OFFLINE_START_NS)
+    without = {"balise"} if reader else {"balise", READER}
+    nodes = [ROLES[p.role].build(train, p.unit, setting) for p in processes(train) if p.name not in without]
+    service = BaliseNode(train.name, "offline", train.balise_readers, line)
+    events, fixes, tap = listener()
     run = OfflineRun(train, [*nodes, service], tap)
     for when_s, output in happening:
         run.bus.run_until(at(when_s))
@@ -184,15 +191,7 @@ class TestMisplaced:
     ids=lambda value: getattr(value, "stem", str(value)),
 )
 def test_a_train_without_faults_has_regular_balises_only(file, seed, until_s):
-    events: list[Event] = []
-    fixes: list[AbsoluteFix] = []
-
-    def tap(output: Output, now_ns: int) -> None:
-        if isinstance(output.message, Event):
-            events.append(output.message)
-        elif isinstance(output.message, AbsoluteFix):
-            fixes.append(output.message)
-
+    events, fixes, tap = listener()
     simulate(load_train(file, {"world": {"seed": seed}}), until_s, tap)
     assert codes(events) == []
     assert fixes

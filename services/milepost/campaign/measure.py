@@ -9,10 +9,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from milepost.checks.requirements import subset_041_reach_m
+
 from .watch import Said, Seen, Watch
 
-# SUBSET-041 5.3.1.1: over- and under-reading at most 5 m + 5 % of the distance since the reference balise
-SUBSET_041_M, SUBSET_041_SHARE = 5.0, 0.05
 MOST_REASONS = 5
 # a unit is back when it has been in use for so long
 IN_USE_S = 1.0
@@ -115,8 +115,8 @@ def _keeps_subset_041(epoch: Epoch, first_m: float) -> bool:
     """Whether over- and under-reading keep the limit; before the first balise the distance is that since the first epoch."""
     state = epoch.state
     since_m = state.since_m if state.since_m is not None else abs(state.position_m - first_m)
-    limit_m = SUBSET_041_M + SUBSET_041_SHARE * abs(since_m)
-    return max(state.position_max_m - state.position_m, state.position_m - state.position_min_m) <= limit_m
+    reach_m = max(state.position_max_m - state.position_m, state.position_m - state.position_min_m)
+    return bool(reach_m <= subset_041_reach_m(since_m))
 
 
 def _errors(epochs: Sequence[Epoch], when: str) -> dict[str, Any]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -47,6 +48,11 @@ class Check:
     unit: str
     size: str = "width"
     always: bool = True
+
+
+def subset_041_reach_m(since_balise_m: Any) -> Any:
+    """SUBSET-041 5.3.1.1: over- and under-reading at most 5 m + 5 % of the distance since the reference balise."""
+    return 5.0 + 0.05 * abs(since_balise_m)
 
 
 def speed_law_mps(speed_mps: Array) -> Array:
@@ -108,7 +114,7 @@ def subset_041_position(p: Published) -> Found | None:
     """
     if p.since_balise_m is None or p.location_accuracy_m is None:
         return None
-    permitted = 5.0 + 0.05 * np.abs(p.since_balise_m) + p.location_accuracy_m
+    permitted = subset_041_reach_m(p.since_balise_m) + p.location_accuracy_m
     found = _found(p, _errors(p, POSITION) - permitted, _reach(p, POSITION), permitted)
     return _where(np.isfinite(permitted), found)
 

@@ -86,19 +86,21 @@ def doubts(train: Train) -> Doubts:
     """Which units of a train may be lying, and the budgets of its train file."""
     suspects, wheels = [], []
     for unit, sensor in train.sensors.items():
-        rate = sensor.options.fault_probability
-        if rate is None:
-            rate = sensor.fault_probability
-        if rate == 0.0:
+        probability = sensor.options.fault_probability
+        if probability is None:
+            probability = sensor.fault_probability
+        if probability == 0.0:
             continue  # trusted: nothing is held against it
         readings_per_s = 1.0 if sensor.period_s is None else 1.0 / sensor.period_s
         balises = sensor.stream == "balise_telegram"
         never_repeats = sensor.never_repeats and sensor.options.source == "simulation"
         slips = sensor.slip_probability > 0.0
-        suspects.append(Suspect(unit, rate, readings_per_s, balises, never_repeats, slips, 2 if balises else 10))
-        if sensor.slip_probability > 0.0:
+        suspects.append(Suspect(unit, probability, readings_per_s, balises, never_repeats, slips, 2 if balises else 10))
+        if slips:
             wheels.append((unit, sensor.slip_probability))
     # poor adhesion makes all wheels slip at once
-    groups = ((frozenset(unit for unit, _ in wheels), max(rate for _, rate in wheels)),) if len(wheels) > 1 else ()
+    groups = (
+        ((frozenset(unit for unit, _ in wheels), max(probability for _, probability in wheels)),) if len(wheels) > 1 else ()
+    )
     fusion = train.file.fusion
     return Doubts(tuple(suspects), groups, fusion.false_alarms_per_hour, fusion.integrity_risk_per_hour)

@@ -67,11 +67,11 @@ class Doubts:
         causes += self.groups
         single: dict[Units, float] = {excluded: 1.0}
         pairs: dict[Units, float] = {}
-        for units, rate in causes:
-            single.setdefault(excluded | units, rate)
-        for (one, rate), (other, another) in combinations(causes, 2):
-            if rate * another > self.risk and excluded | one | other not in single:
-                pairs.setdefault(excluded | one | other, rate * another)
+        for units, p in causes:
+            single.setdefault(excluded | units, p)
+        for (one, p), (other, q) in combinations(causes, 2):
+            if p * q > self.risk and excluded | one | other not in single:
+                pairs.setdefault(excluded | one | other, p * q)
         return single, pairs
 
     @property

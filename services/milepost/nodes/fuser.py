@@ -15,8 +15,8 @@ from milepost_schemas import AbsoluteFix, Estimate, Feedback, FusedState, Gaussi
 from .base import Node, Output, Subscription
 from .decisions import Decisions, only_decided
 from .fuser_settings import FuserSettings
+from .judgements import note_judgements
 from .observations import of_estimate, of_fix, whole_readings
-from .presence import note_judgements
 from .roster import UNKNOWN, Presence, Roster
 from .state_writer import StateWriter
 

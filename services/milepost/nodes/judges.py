@@ -25,8 +25,7 @@ class UnitJudge:
     def __init__(self, sensor: Sensor[Any], message: type[Message]) -> None:
         self._sensor, self._observer = sensor, sensor.model()
         self.message, self.pure = message, self._observer is sensor
-        observer = self._observer
-        self._start = observer.memory
+        self._start = self._observer.memory
 
     def start(self) -> Any:
         """The memory before the first reading."""

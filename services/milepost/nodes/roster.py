@@ -201,8 +201,9 @@ class Roster:
                 excluded[name] = "process gone"
             elif not unit.row.fused:
                 reader = verdicts.get(name)
-                if reader is not None and (reader.excluded is not None or reader.refused is not None):
-                    excluded[name] = reader.excluded.kind if reader.excluded is not None else reader.refused or ""
+                reason = reader and (reader.excluded.kind if reader.excluded is not None else reader.refused)
+                if reason:
+                    excluded[name] = reason
             else:
                 verdict = verdicts.get(name) or unit.verdict_at(epoch_ns)
                 reason = _exclusion_reason(verdict, epoch_ns, unit.stale_ns)

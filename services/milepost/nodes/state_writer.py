@@ -50,7 +50,8 @@ class StateWriter:
         line, at_ns = self._line, head["measured_at_ns"]
         (s, v, a), P = fused.mean[:3], [row[:3] for row in fused.covariance[:3]]
         last, reset = self._last_fix(at_ns, fused), fused.reset
-        just = reset is not None and at_ns - self._period_ns < reset.at_ns <= at_ns
+        if reset is not None and not at_ns - self._period_ns < reset.at_ns <= at_ns:
+            reset = None  # an earlier epoch has announced it
         inside = abs(s) < FARTHEST_M and abs(v) < FASTEST_MPS
         if not inside:
             s, v = min(max(s, -FARTHEST_M), FARTHEST_M), min(max(v, -FASTEST_MPS), FASTEST_MPS)
@@ -86,17 +87,19 @@ class StateWriter:
             "sensors": [{"unit": u, "share": presence.shares[u], "age_s": age} for u, age in presence.ages_s.items()],
             "excluded": [{"unit": u, "reason": reason} for u, reason in presence.excluded.items()],
             "doubted": list(fused.doubted),
-            "reset": (reset and just and {"size_m": reset.size_m, "size_mps": reset.size_mps, "reason": reset.reason}) or None,
+            "reset": reset and {"size_m": reset.size_m, "size_mps": reset.size_mps, "reason": reset.reason},
             "awaiting": missing,
             "settled": settled,
         }
         return FusedState.model_validate(fields)
 
     def _last_fix(self, at_ns: int, fused: Fused) -> tuple[int, str, float, float] | None:
-        """The last fix until then that no hypothesis refused that leads."""
+        """The last fix until then that the leading hypothesis did not refuse."""
         odd = {at for verdict in fused.verdicts.values() for at in verdict.odd_ns}
         place = bisect_right(self._fixes, at_ns, key=lambda fix: fix[0])
-        return next((fix for fix in reversed(self._fixes[max(0, place - KEPT_FIXES) : place]) if fix[0] not in odd), None)
+        while place and self._fixes[place - 1][0] in odd:
+            place -= 1
+        return self._fixes[place - 1] if place else None
 
     def _status(self, since_start_ns: int, reach_m: float, fused: Fused, presence: Presence) -> Status:
         if reach_m > self._lost_above_m:
