@@ -111,7 +111,7 @@ class TestStopsAndTurns:
     def test_a_train_that_turns_round_reads_its_balises_again(self):
         turns = {"world": {"motion": {"profile": [[0.0, 20.0], [7.0, 20.0], [17.0, -20.0], [30.0, -20.0]]}}}
         # 4 m/s² at once: with a smoother motion model the bank would refute the sensors, not the model
-        change = {**turns, "motion_model": {"jerk_psd_m2ps5": 5.0}}
+        change = {**turns, "motion_model": {"jerk_psd_m2ps5": 0.1}}
         before = travel(24.0, change=change)
         back_s = next(scenario_s(t) for ns, t in sorted(before.truth.items()) if ns > at(13.0) and t.position_m <= 100.0)
         silent_way = codes(before.events)

@@ -69,6 +69,10 @@ MISTAKES = (
     Mistake("number for a file", "line", "", {"line": 5}),
     # values
     Mistake("name with a slash", "train", "", {"train": "a/b"}),
+    Mistake(
+        "unit's name that is the motion model's", "units", "motion-model", {"units.motion-model": {"kind": "doppler_radar"}}
+    ),
+    Mistake("hard motion for certain", "motion_model.hard_probability", "0.5", {"motion_model.hard_probability": 1.0}),
     Mistake("unit's name with a star", "units", "", {"units.a*": {"kind": "doppler_radar"}}),
     Mistake("no standard deviation", "prior.position_std_m", "greater than 0", {"prior.position_std_m": 0.0}),
     Mistake("negative rate", "units.radar.rate_hz", "greater than 0", {"units.radar.rate_hz": -100.0}),

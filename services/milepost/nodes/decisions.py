@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 from milepost.estimation.time_units import S_PER_NS
+from milepost.fusion.hypotheses import MOTION_MODEL
 from milepost.fusion.rule import Fused
 from milepost.fusion.verdicts import Exclusion, Reset, Verdict
 
@@ -38,6 +39,9 @@ class Decisions:
 
     def _of_unit(self, unit: str, verdict: Verdict) -> Iterator[tuple[Severity, str, str]]:
         now, before = verdict.excluded, self._excluded.get(unit)
+        if unit == MOTION_MODEL:
+            yield from self._of_motion(now, before)
+            return
         if now is not None and (before is None or before.kind != now.kind):
             self._excluded[unit] = now
             yield "warning", "unit_excluded", f"{unit} is {now.kind}: {now.evidence}"
@@ -50,6 +54,14 @@ class Decisions:
         if odd_ns > self._refused.get(unit, 0):
             self._refused[unit] = odd_ns
             yield "warning", "fix_refused", f"{unit}: a fix is too far from where the train is: it does not count"
+
+    def _of_motion(self, now: Exclusion | None, before: Exclusion | None) -> Iterator[tuple[Severity, str, str]]:
+        if now is not None and before is None:
+            self._excluded[MOTION_MODEL] = now
+            yield "warning", "motion_model_exceeded", f"the train moves harder than its motion model says: {now.evidence}"
+        elif now is None and before is not None:
+            del self._excluded[MOTION_MODEL]
+            yield "info", "motion_model_used_again", "the motion model is used again"
 
 
 def only_decided(verdicts: Mapping[str, Verdict], filtered: set[str]) -> dict[str, Verdict]:

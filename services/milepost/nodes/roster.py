@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 
 from milepost.estimation.observation import Observation
 from milepost.estimation.time_units import S_PER_NS
+from milepost.fusion.hypotheses import MOTION_MODEL
 from milepost.fusion.shares import Shares
 from milepost.fusion.verdicts import Verdict
 
@@ -213,6 +214,9 @@ class Roster:
                     excluded[name] = reason
                 elif verdict.counted_ns is not None:
                     ages[name] = (epoch_ns - verdict.counted_ns) * S_PER_NS
+        motion = verdicts.get(MOTION_MODEL)
+        if motion is not None and motion.excluded is not None:
+            excluded[MOTION_MODEL] = "exceeded"
         return Presence(ages, self._shares_of(list(ages), epoch_ns, speed_mps, variances), excluded)
 
     def _shares_of(self, reporting: list[str], epoch_ns: int, speed_mps: float, variances: Sequence[float]) -> dict[str, float]:
