@@ -147,7 +147,7 @@ class Timeline:
 
     def rebase(self, at_ns: int, state: Any) -> None:
         """Make `state` the belief at `at_ns`: it contains all observations until then; later ones are replayed on it."""
-        place = bisect_right(self._keys, at_ns, key=lambda key: key[0])
+        place = self._count_until(at_ns)
         self._drop(place)
         self._base, self._base_ns, self._rebased = state, at_ns, True
         self._states = [None] * len(self._knots)
@@ -155,7 +155,7 @@ class Timeline:
 
     def state_at(self, at_ns: int) -> Any | None:
         """The belief at a time, from all observations until then; None before the base. A side branch: it adds no knot."""
-        place = bisect_right(self._keys, at_ns, key=lambda key: key[0])
+        place = self._count_until(at_ns)
         if place:
             self._replay(place)
             state, from_ns = self._states[place - 1], self._keys[place - 1][0]
@@ -164,6 +164,11 @@ class Timeline:
         else:
             return None
         return self.kernel.advance(state, (at_ns - from_ns) * S_PER_NS) if at_ns > from_ns else state
+
+    def _count_until(self, at_ns: int) -> int:
+        """How many knots are at a time or before."""
+        # a tuple of a time alone sorts before all places at that time
+        return bisect_left(self._keys, (at_ns + 1,))
 
     def _replay(self, until: int) -> None:
         place = self._valid
@@ -191,7 +196,7 @@ class Timeline:
             self._forget()
         if len(self._keys) < PRUNE_AT_LEAST or self._keys[PRUNE_AT_LEAST - 1][0] >= self._boundary_ns:
             return
-        place = bisect_left(self._keys, self._boundary_ns, key=lambda key: key[0])
+        place = self._count_until(self._boundary_ns - 1)
         self._replay(place)
         state, at = self._states[place - 1], self._keys[place - 1][0]
         self._drop(place)

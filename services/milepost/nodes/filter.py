@@ -126,11 +126,9 @@ class FilterNode(Node):
         belief = self._estimator.belief_at(reading.measured_at_ns) if self._needs_belief else None
         observed = self._observer.observe(reading, None if belief is None else Belief(*belief))
         self._note_moment(reading.measured_at_ns)
-        offered = of_reading(reading, self._order, observed)
-        offered += of_reading(reading, self._order, self._restored, RESTORED_COMPONENT)
-        self._restored = ()
-        counted, refused = self._filter.take(offered[: len(observed)], now_ns, known=offered[len(observed) :])
-        if offered and not counted:
+        offered, known = of_reading(reading, self._order, observed), self._take_restored(reading)
+        counted, refused = self._filter.take(offered, now_ns, known)
+        if (offered or known) and not counted:
             return None, refused
         self._latest_ns = max(self._latest_ns, reading.measured_at_ns)
         state = self._estimator.lists_at(self._latest_ns)
@@ -139,6 +137,13 @@ class FilterNode(Node):
             self._unsent.append(as_judged(reading, bool(observed), observer.refused, observer.gating is not None))
         # without a belief there is no estimate yet: a refused reading is sent with the first one
         return None if state is None else self._estimate(counted, *state, now_ns), refused
+
+    def _take_restored(self, reading: Message) -> list[Observation]:
+        """The stored calibration as observations beside the first reading's; none beside later ones."""
+        if not self._restored:
+            return []
+        known, self._restored = of_reading(reading, self._order, self._restored, RESTORED_COMPONENT), ()
+        return known
 
     def _note_moment(self, moment_ns: int) -> None:
         self._moments.add(moment_ns)

@@ -18,6 +18,7 @@ WINDOW_NS = 1_000_000_000
 # the variances before the first fused state: all units then have the same information
 UNKNOWN = (0.0, 0.0, 0.0)
 KEPT_TIMES = 4096
+FORGET_EVERY_NS = 1_000_000_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,6 +114,7 @@ class Roster:
         self._units = {row.unit: _Unit(row) for row in rows}
         self._shares = shares
         self._deadline_ns = deadline_ns
+        self._forgotten_ns = 0
 
     @property
     def follows_state(self) -> bool:
@@ -226,7 +228,10 @@ class Roster:
         return self._shares.at(reporting, speed_mps, information)
 
     def forget(self, before_ns: int) -> None:
-        """Drop what no epoch needs any more."""
+        """Drop what no epoch needs any more, once a second."""
+        if before_ns - self._forgotten_ns < FORGET_EVERY_NS:
+            return
+        self._forgotten_ns = before_ns
         for unit in self._units.values():
             unit.forget(before_ns)
 
