@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 
 from milepost.estimation.time_units import S_PER_NS
 from milepost.fusion.rule import Fused
-from milepost.fusion.verdicts import Exclusion, Reset, Verdict
+from milepost.fusion.verdicts import Reset, Verdict
 
 from .base import Severity
 
@@ -15,7 +15,7 @@ class Decisions:
     """The decisions that were reported so far."""
 
     def __init__(self) -> None:
-        self._excluded: dict[str, Exclusion] = {}
+        self._excluded: dict[str, Verdict] = {}
         self._doubted: tuple[str, ...] = ()
         self._refused: dict[str, int] = {}
         self._reset: Reset | None = None
@@ -37,14 +37,15 @@ class Decisions:
             self._reset = reset
 
     def _of_unit(self, unit: str, verdict: Verdict) -> Iterator[tuple[Severity, str, str]]:
-        now, before = verdict.excluded, self._excluded.get(unit)
-        if now is not None and (before is None or before.kind != now.kind):
-            self._excluded[unit] = now
-            yield "warning", "unit_excluded", f"{unit} is {now.kind}: {now.evidence}"
-        elif now is None and before is not None:
+        now, before = verdict.kind, self._excluded.get(unit)
+        if now is not None and (before is None or before.kind != now):
+            yield "warning", "unit_excluded", f"{unit} is {now}: {verdict.evidence}"
+        if now is not None:
+            self._excluded[unit] = verdict
+        elif before is not None and before.excluded is not None:
             del self._excluded[unit]
-            heard_ns = verdict.heard_ns or before.at_ns
-            after_s = (heard_ns - before.at_ns) * S_PER_NS
+            heard_ns = verdict.heard_ns or before.excluded.at_ns
+            after_s = (heard_ns - before.excluded.at_ns) * S_PER_NS
             yield "info", "unit_readmitted", f"{unit} agrees with the others again, {after_s:.1f} s after it was excluded"
         odd_ns = verdict.odd_ns[-1] if verdict.odd_ns else 0
         if odd_ns > self._refused.get(unit, 0):

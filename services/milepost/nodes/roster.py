@@ -201,7 +201,7 @@ class Roster:
                 excluded[name] = "process gone"
             elif not unit.row.fused:
                 reader = verdicts.get(name)
-                reason = reader and (reader.excluded.kind if reader.excluded is not None else reader.refused)
+                reason = reader and (reader.kind or reader.refused)
                 if reason:
                     excluded[name] = reason
             else:
@@ -234,7 +234,7 @@ def _exclusion_reason(verdict: Verdict, epoch_ns: int, stale_ns: int) -> str | N
     if epoch_ns - verdict.heard_ns > stale_ns:
         return "silent"
     if verdict.excluded is not None:
-        return verdict.excluded.kind
+        return verdict.kind
     if verdict.gating is not None:
         return verdict.gating
     if verdict.counted_ns is None or epoch_ns - verdict.counted_ns > stale_ns:
