@@ -7,8 +7,15 @@ from collections.abc import Iterator, Mapping
 from milepost.estimation.time_units import S_PER_NS
 from milepost.fusion.rule import Fused
 from milepost.fusion.verdicts import Reset, Verdict
+from milepost_schemas.state import SAYS_NOTHING
 
 from .base import Severity
+from .roster import Presence
+from .working_states import GONE, LATE, NEVER_HEARD, SILENT, kind_of
+
+# so long nothing may be heard of a unit at first
+PATIENCE_NS = 1_000_000_000
+MISSING = {GONE: "its process is gone", NEVER_HEARD: "nothing was heard of it", SILENT: "nothing is heard of it any more"}
 
 
 class Decisions:
@@ -19,9 +26,14 @@ class Decisions:
         self._doubted: tuple[str, ...] = ()
         self._refused: dict[str, int] = {}
         self._reset: Reset | None = None
+        self._missing: dict[str, str] = {}
+        self._first_ns: int | None = None
 
-    def news(self, fused: Fused) -> Iterator[tuple[Severity, str, str]]:
-        """(severity, code, text) of what changed with this state."""
+    def news(self, fused: Fused, presence: Presence, epoch_ns: int) -> Iterator[tuple[Severity, str, str]]:
+        """(severity, code, text) of what changed with the state at an epoch."""
+        self._first_ns = epoch_ns if self._first_ns is None else self._first_ns
+        if epoch_ns - self._first_ns >= PATIENCE_NS:
+            yield from self._of_presence(presence)
         for unit, verdict in fused.verdicts.items():
             yield from self._of_unit(unit, verdict)
         if fused.doubted != self._doubted:
@@ -35,6 +47,17 @@ class Decisions:
             text = f"the state stepped by {reset.size_m:+.2f} m, {reset.size_mps:+.3f} m/s: {reset.reason}"
             yield "warning", "state_reset", text
             self._reset = reset
+
+    def _of_presence(self, presence: Presence) -> Iterator[tuple[Severity, str, str]]:
+        """Of units that say nothing in time."""
+        now = {unit: reason for unit, reason in presence.excluded.items() if kind_of(reason) in SAYS_NOTHING}
+        for unit, reason in now.items():
+            if self._missing.get(unit) != reason:
+                late = f"its readings come {presence.behind_s[unit]:.2f} s late" if reason == LATE else ""
+                yield "warning", f"unit_{kind_of(reason)}", f"{unit} is {kind_of(reason)}: {late or MISSING[reason]}"
+        for unit in self._missing.keys() - now.keys():
+            yield "info", "unit_heard", f"{unit} is heard in time again"
+        self._missing = now
 
     def _of_unit(self, unit: str, verdict: Verdict) -> Iterator[tuple[Severity, str, str]]:
         now, before = verdict.kind, self._excluded.get(unit)

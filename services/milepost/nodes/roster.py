@@ -5,11 +5,14 @@ from __future__ import annotations
 from bisect import bisect_left, bisect_right, insort
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from operator import itemgetter
 
 from milepost.estimation.observation import Observation
 from milepost.estimation.time_units import S_PER_NS
 from milepost.fusion.shares import Shares
 from milepost.fusion.verdicts import Verdict
+
+from .working_states import AHEAD, GONE, LATE, NO_USE, SILENT, reason_not_in_use
 
 STALE_NS = 1_000_000_000
 # the window over which a unit's information is summed; twice its period where that is longer, so that it holds a reading
@@ -39,7 +42,7 @@ class _Unit:
     """The record of a unit.
 
     `times` of the readings that count; `refusals` (time, reason, whether gating); `recent` h²/R of [s, v, a] of the rows at
-    `recent_ns`.
+    `recent_ns`. `received_ns`: when the last reading came; `behind_ns`: how long after it could have been sent.
     """
 
     row: UnitRow
@@ -48,6 +51,8 @@ class _Unit:
     recent_ns: list[int] = field(default_factory=list)
     recent: tuple[list[float], list[float], list[float]] = field(default_factory=lambda: ([], [], []))
     arrived_ns: int = 0
+    received_ns: int = 0
+    behind_ns: int = 0
     punctual: bool = True
     gone: set[str] = field(default_factory=set)
 
@@ -62,7 +67,7 @@ class _Unit:
         """The verdict by the filter's judgements: the last reading that counts, and the last refusal after it."""
         place = bisect_right(self.times, at_ns)
         counted_ns = self.times[place - 1] if place else None
-        place = bisect_right(self.refusals, at_ns, key=_time)
+        place = bisect_right(self.refusals, at_ns, key=itemgetter(0))
         if not place:
             return Verdict(None, counted_ns, counted_ns)
         heard_ns, why, gating = self.refusals[place - 1]
@@ -79,26 +84,36 @@ class _Unit:
         total = P_ss * sum(s[first:last]) + P_vv * sum(v[first:last]) + P_aa * sum(a[first:last])
         return total * WINDOW_NS / window_ns
 
+    def instead_of_silent(self, epoch_ns: int) -> str:
+        """What a unit does of which no reading is about the time before an epoch: it may be heard all the same."""
+        if epoch_ns - self.arrived_ns <= self.stale_ns:
+            return NO_USE
+        if epoch_ns - self.received_ns > self.stale_ns:
+            return SILENT
+        if self.behind_ns < 0:
+            return AHEAD
+        return LATE if self.behind_ns > self.stale_ns // 2 else SILENT
+
     def forget(self, before_ns: int) -> None:
         """Drop what no epoch needs any more; the last time before stays, from which a silent unit's age follows."""
         del self.times[: max(0, bisect_left(self.times, before_ns) - 1)]
-        del self.refusals[: max(0, bisect_left(self.refusals, before_ns, key=_time) - 1)]
+        del self.refusals[: max(0, bisect_left(self.refusals, before_ns, key=itemgetter(0)) - 1)]
         place = bisect_left(self.recent_ns, before_ns - self.window_ns)
         for column in (self.recent_ns, *self.recent):
             del column[:place]
 
 
-def _time(entry: tuple[int, str, bool]) -> int:
-    return entry[0]
-
-
 @dataclass(frozen=True, slots=True)
 class Presence:
-    """The units at an epoch: ages in seconds and shares of those in use, reasons of the excluded ones."""
+    """The units at an epoch: ages in seconds and shares of those in use, reasons of the excluded ones.
+
+    `behind_s`: how late the last reading of each excluded unit came that is late.
+    """
 
     ages_s: Mapping[str, float]
     shares: Mapping[str, float]
     excluded: Mapping[str, str]
+    behind_s: Mapping[str, float] = field(default_factory=dict)
 
 
 class Roster:
@@ -142,11 +157,14 @@ class Roster:
         for column, h in zip(record.recent, observation.row, strict=False):
             column.insert(place, h * h / R)
 
-    def arrived(self, unit: str, measured_at_ns: int, now_ns: int) -> None:
-        """Note that a reading arrived, whether or not it counts."""
+    def arrived(self, unit: str, measured_at_ns: int, now_ns: int, untimely: bool = False) -> None:
+        """Note that a reading arrived, whether or not it counts; `untimely`: too early or too late to be taken."""
         record = self._units[unit]
+        record.received_ns, record.behind_ns = now_ns, now_ns - measured_at_ns - record.row.latency_ns
+        if untimely:
+            return
         record.arrived_ns = max(record.arrived_ns, measured_at_ns)
-        if now_ns - measured_at_ns <= self._deadline_ns + record.row.latency_ns:
+        if record.behind_ns <= self._deadline_ns:
             record.punctual = True
 
     def process_alive(self, process: str, alive: bool) -> None:
@@ -196,9 +214,10 @@ class Roster:
         """
         ages: dict[str, float] = {}
         excluded: dict[str, str] = {}
+        behind: dict[str, float] = {}
         for name, unit in self._units.items():
             if live and unit.gone:
-                excluded[name] = "process gone"
+                excluded[name] = GONE
             elif not unit.row.fused:
                 reader = verdicts.get(name)
                 reason = reader and (reader.kind or reader.refused)
@@ -206,14 +225,16 @@ class Roster:
                     excluded[name] = reason
             else:
                 verdict = verdicts.get(name) or unit.verdict_at(epoch_ns)
-                reason = _exclusion_reason(verdict, epoch_ns, unit.stale_ns)
-                if reason == "silent" and live and epoch_ns - unit.arrived_ns <= unit.stale_ns:
-                    reason = "no usable reading"
+                reason = reason_not_in_use(verdict, epoch_ns, unit.stale_ns)
+                if reason == SILENT and live:
+                    reason = unit.instead_of_silent(epoch_ns)
                 if reason is not None:
                     excluded[name] = reason
                 elif verdict.counted_ns is not None:
                     ages[name] = (epoch_ns - verdict.counted_ns) * S_PER_NS
-        return Presence(ages, self._shares_of(list(ages), epoch_ns, speed_mps, variances), excluded)
+                if reason == LATE:
+                    behind[name] = unit.behind_ns * S_PER_NS
+        return Presence(ages, self._shares_of(list(ages), epoch_ns, speed_mps, variances), excluded, behind)
 
     def _shares_of(self, reporting: list[str], epoch_ns: int, speed_mps: float, variances: Sequence[float]) -> dict[str, float]:
         information: dict[str, float] = {}
@@ -225,18 +246,3 @@ class Roster:
         """Drop what no epoch needs any more."""
         for unit in self._units.values():
             unit.forget(before_ns)
-
-
-def _exclusion_reason(verdict: Verdict, epoch_ns: int, stale_ns: int) -> str | None:
-    """The reason for which a unit is excluded at an epoch; None where it is in use."""
-    if verdict.heard_ns is None:
-        return "never heard"
-    if epoch_ns - verdict.heard_ns > stale_ns:
-        return "silent"
-    if verdict.excluded is not None:
-        return verdict.kind
-    if verdict.gating is not None:
-        return verdict.gating
-    if verdict.counted_ns is None or epoch_ns - verdict.counted_ns > stale_ns:
-        return verdict.refused or "no usable reading"
-    return None
