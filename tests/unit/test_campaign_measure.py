@@ -69,6 +69,12 @@ def test_half_widths_and_the_limit_of_subset_041() -> None:
     assert figures["subset_041_epochs"] == 3
 
 
+def test_a_unit_that_says_nothing_is_not_wrongly_excluded() -> None:
+    states = {3: {"excluded": ["loop"], "unheard": ("loop",)}, 4: {"excluded": ["loop"]}}
+    figures = measure(watch(*[0.0] * 6, states=states), [LIAR], 0.0, UNITS)
+    assert (figures["wrongly_excluded_epochs"], figures["wrong_exclusions"]) == (1, 1)
+
+
 def test_detection_is_the_first_exclusion_since_the_onset() -> None:
     run = watch(*[0.0] * 8, states={4: {"excluded": ["radar"]}, 5: {"excluded": ["radar"]}})
     assert measure(run, [LIAR], 0.0, UNITS)["time_to_detect_s"] == 1.0

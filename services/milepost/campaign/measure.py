@@ -152,12 +152,13 @@ def _largest(times: Sequence[float | None]) -> float | None:
 
 
 def _innocents(epochs: Sequence[Epoch], innocents: Sequence[str]) -> dict[str, Any]:
-    """Exclusions of units without a fault: epochs, how often one began, and which units with which reasons."""
+    """Exclusions of units without a fault that are heard: epochs, how often one began, and which units with which reasons."""
     counted: dict[str, dict[str, Any]] = {}
     previous: set[str] = set()
     begun = 0
     for epoch in epochs:
-        now = {unit: reason for unit, reason in epoch.state.excluded if unit in innocents}
+        state = epoch.state
+        now = {unit: reason for unit, reason in state.excluded if unit in innocents and unit not in state.unheard}
         begun += len(now.keys() - previous)
         previous = set(now)
         for unit, reason in now.items():

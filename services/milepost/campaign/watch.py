@@ -12,7 +12,11 @@ from milepost_schemas import BaliseTelegram, Event, FusedState, Truth
 
 
 class Seen(NamedTuple):
-    """A live state, in scenario time. `since_m`: distance since the last balise, None before the first."""
+    """A live state, in scenario time.
+
+    `excluded`: units and reasons, `unheard`: those of them that say nothing in time. `since_m`: distance since the last balise,
+    None before the first.
+    """
 
     position_m: float
     position_min_m: float
@@ -25,6 +29,7 @@ class Seen(NamedTuple):
     reset_m: float | None
     since_m: float | None
     doubted: tuple[str, ...] = ()
+    unheard: tuple[str, ...] = ()
 
 
 class Said(NamedTuple):
@@ -78,4 +83,5 @@ def seen(state: FusedState) -> Seen:
         None if reset is None else abs(reset.size_m),
         None if state.last_balise is None else state.last_balise.distance_since_m,
         tuple(getattr(state, "doubted", ())),
+        tuple(each.unit for each in state.excluded if each.says_nothing),
     )
