@@ -380,6 +380,8 @@ def test_an_invalid_endpoint_is_reported_in_one_line(tmp_path: Path, up_says: An
 
 SCENARIO_MISTAKES: dict[str, tuple[dict[str, Any], str, str]] = {
     "unknown key": ({"durations": 1.0}, "durations", "unknown key"),
+    "unknown train": ({"train": "metor"}, "train: metor: neither a file nor", "did you mean 'metro'?"),
+    "train file that is not there": ({"train": "trian.yaml"}, "train: trian.yaml: no such file", "did you mean 'train.yaml'?"),
     "no duration": ({"duration_s": REMOVED}, "duration_s", "required"),
     "negative duration": ({"duration_s": -1.0}, "duration_s", "greater than 0"),
     "text for a number": ({"duration_s": "long"}, "duration_s", "number"),
