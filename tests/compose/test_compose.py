@@ -273,7 +273,7 @@ def test_a_killed_sensor_is_out_at_once_and_back_when_started(stack: Stack) -> N
     out = listener.wait_for_state(lambda state: "radar-front" in units(state, "excluded"), 10.0, "the radar excluded", before)
     out_at, state = listener.states[out]
     stack.figures["sensor out after its token ms"] = (out_at - gone_at) * 1e3
-    assert {"unit": "radar-front", "reason": "process gone"} in state["excluded"]
+    assert {"unit": "radar-front", "reason": "process gone", "kind": "absent"} in state["excluded"]
     assert out_at - gone_at < SILENCE_S / 2, "the token did not do it"
     heard = listener.span(out, epochs=100)
     for _, state in heard:
@@ -296,7 +296,7 @@ def test_a_crashed_process_comes_back_by_itself(stack: Stack) -> None:
     # PID 1 is the engine's init; its child is the process
     stack.inside("filter-loop", "kill -KILL $(cat /proc/1/task/1/children)")
     out = listener.wait_for_state(lambda state: "loop" in units(state, "excluded"), 10.0, "loop excluded", before)
-    assert {"unit": "loop", "reason": "process gone"} in listener.states[out][1]["excluded"]
+    assert {"unit": "loop", "reason": "process gone", "kind": "absent"} in listener.states[out][1]["excluded"]
     back = listener.wait_for_state(is_whole, 20.0, "loop in use again and a normal state", out)
     stack.figures["crash to normal again s"] = listener.states[back][0] - listener.states[out][0]
     assert stack.inspect("filter-loop")["RestartCount"] == 1

@@ -103,7 +103,7 @@ def test_every_shipped_campaign_can_be_planned(name: str) -> None:
             "trains.a.change: ",
         ),
         ({"faults": [{**BIAS, "kind": "bais"}]}, "faults.0.kind: must be one of bias, "),
-        ({"faults": [{**BIAS, "options": {"sise": 1.0}}]}, "faults.0.options: "),
+        ({"faults": [{**BIAS, "options": {"sise": 1.0}}]}, "faults.0.options: sise: not an option of bias, which has size"),
         ({"faults": [{**BIAS, "streams": ["speed"]}]}, "faults.0.streams.0: must be one of "),
         ({"faults": [{**BIAS, "sensors": ["radra"]}]}, "faults.0.sensors: must be one of "),
         ({"faults": [{**BIAS, "units": ["radra"]}]}, "faults.0.units: must be one of radar, loop, balise-reader"),

@@ -76,7 +76,7 @@ def run_task(task: Task, progress: Callable[[float], None]) -> Figures:
         raise ConfigError(path, "", "a worker has another version of this train's files than this command")
     train = load_train(path, task.change, task.seed)
     entries = [FaultEntry.model_validate(fault) for fault in task.faults]
-    watch = Watch()
+    watch = Watch({balise.balise_id: balise.location_accuracy_m for balise in train.line.balises})
     try:
         simulate(train, task.duration_s, watch.tap, None, progress, entries)
     except (ConfigError, Cancelled):

@@ -13,7 +13,7 @@ from milepost.fusion.hypotheses import Doubts, Suspect
 from milepost.fusion.shares import FixedShares, Shares, SharesByAccuracy, SharesBySpeed, SpeedRow
 from milepost.nodes.fuser_settings import FuserSettings
 from milepost.nodes.judges import UnitJudge
-from milepost.nodes.roster import UnitRow
+from milepost.nodes.unit_record import UnitRow
 from milepost_schemas import BY_NAME
 
 from .train import Train

@@ -5,7 +5,7 @@ A local filter holds the common states and its own private block, the fuser hold
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -127,14 +127,6 @@ class Estimator:
         """Mean (n) and covariance (n, n) at a time as lists: messages take no arrays."""
         state = self._timeline.state_at(at_ns)
         return None if state is None else self.kernel.lists(state)
-
-    def withdraw(self, unit: str, since_ns: int) -> list[Observation]:
-        """Remove a unit's observations from `since_ns` on from the result, exactly."""
-        return self._timeline.withdraw(unit, since_ns)
-
-    def restore(self, observations: Iterable[Observation]) -> None:
-        """Put withdrawn observations back, exactly."""
-        self._timeline.restore(observations)
 
     def advance_to(self, now_ns: int) -> None:
         """Advance the time to `now_ns`: fold settled observations into the base."""

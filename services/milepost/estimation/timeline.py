@@ -8,7 +8,6 @@ is a function of the set of observations alone: the same bits for any order of a
 from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
-from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
@@ -125,25 +124,6 @@ class Timeline:
         if rank(observation) < rank(self._knots[place]):
             self._knots[place] = observation
             self._valid = min(self._valid, place)
-
-    def withdraw(self, unit: str, since_ns: int) -> list[Observation]:
-        """Remove a unit's observations from `since_ns` on, as if they had never come. Returns them.
-
-        Observations that are folded into the base, older than the horizon, stay in it.
-        """
-        out = [knot for knot in self._knots if knot.unit == unit and knot.measured_at_ns >= since_ns]
-        if out:
-            kept = [knot for knot in self._knots if not (knot.unit == unit and knot.measured_at_ns >= since_ns)]
-            self._valid = min(self._valid, bisect_left(self._keys, out[0].place))
-            self._knots, self._keys = kept, [knot.place for knot in kept]
-            self._states = self._states[: self._valid] + [None] * (len(kept) - self._valid)
-        return out
-
-    def restore(self, observations: Iterable[Observation]) -> None:
-        """Insert withdrawn observations again, as if they had not been removed; those before the base stay out."""
-        for observation in observations:
-            if self._base_ns is None or observation.measured_at_ns > self._base_ns:
-                self._place(observation)
 
     def rebase(self, at_ns: int, state: Any) -> None:
         """Make `state` the belief at `at_ns`: it contains all observations until then; later ones are replayed on it."""

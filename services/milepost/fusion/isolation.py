@@ -177,6 +177,7 @@ class Isolation:
         """Readmit an excluded unit that has agreed with the leading hypothesis for long enough."""
         unit, at_ns = finding.unit, finding.at_ns
         verdict, suspect = state.verdicts[unit], self._doubts.by_unit[unit]
+        verdict = verdict.watched(at_ns, float(finding.channel.sums[0, state.leader]))
         if finding.worst()[state.leader] > SOFT * SOFT * self._limit:
             why = self._why(state, finding, state.leader)
             state = self._fresh(state, unit)

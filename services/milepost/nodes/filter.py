@@ -11,7 +11,7 @@ from pydantic import ValidationError
 
 from milepost.estimation.filters.base import LocalFilter
 from milepost.estimation.layout import N_COMMON
-from milepost.estimation.observation import FUTURE_NS, Observation
+from milepost.estimation.observation import FUTURE_NS, UNTIMELY, Observation
 from milepost.sensors.base import Sensor
 from milepost.sensors.observed import Belief, Observed
 from milepost_schemas import Estimate, Feedback, Message
@@ -25,6 +25,8 @@ LEAST_SHARE = 1e-6
 FARTHEST_MEAN, LARGEST_VARIANCE = 1e9, 1e15
 FORGET_AT_LEAST = 2048
 KEPT_READINGS = 64
+# how often the fuser is told of readings that come too late or too early
+TELL_NS = 500_000_000
 UNUSABLE = (ArithmeticError, np.linalg.LinAlgError, ValidationError)
 
 
@@ -48,6 +50,7 @@ class FilterNode(Node):
         # where a row depends on more than the reading, the fuser makes it again from the reading
         self._sends_readings = sensor.needs_belief or self._observer is not sensor
         self._unsent: deque[dict[str, Any]] = deque(maxlen=KEPT_READINGS)
+        self._told_ns: int | None = None
         self._moments: set[int] = set()
         self._forget_at = FORGET_AT_LEAST
         self._filter = local
@@ -106,6 +109,8 @@ class FilterNode(Node):
             reason = "duplicate"
         if reason is not None:
             yield from self.refuse_reading(self.unit, reading.sequence, reading.instance, reason, now_ns)
+            if reason in UNTIMELY:
+                yield from self._tell(reading, reason, now_ns)
             return
         sent = self._sequences.get("estimate", 0)
         try:
@@ -120,6 +125,14 @@ class FilterNode(Node):
             yield from self.refuse_reading(self.unit, reading.sequence, reading.instance, reason, now_ns)
         if estimate is not None:
             yield Output("estimate", self.unit, estimate)
+
+    def _tell(self, reading: Message, reason: str, now_ns: int) -> Iterable[Output]:
+        """An estimate without anything new, so that the fuser knows that the unit is heard, and how late."""
+        state = self._estimator.lists_at(self._latest_ns) if self._latest_ns else None
+        if state is not None and (self._told_ns is None or now_ns - self._told_ns >= TELL_NS):
+            self._told_ns = now_ns
+            self._unsent.append(as_judged(reading, False, reason))
+            yield Output("estimate", self.unit, self._estimate([], *state, now_ns))
 
     def _estimated(self, reading: Message, now_ns: int) -> tuple[Estimate | None, list[str]]:
         """The estimate after a reading, and the reasons for which observations of it are refused. Raises UNUSABLE."""
