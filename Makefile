@@ -43,7 +43,7 @@ lint: $(VENV)/.ready ## run ruff and mypy --strict, compare the exported schemas
 bench: $(VENV)/.bench ## measure step costs, codec, offline speed, live latency and load, beside peers
 	$(BIN)/python -m tests.bench
 
-compose-test: $(VENV)/.ready ## test compose.yaml with a container engine
+compose-test: $(VENV)/.ready ## test compose.yaml and the Dask cluster with a container engine
 	$(BIN)/python -m pytest -m compose tests/compose
 
 schema: $(VENV)/.ready ## export the JSON Schemas

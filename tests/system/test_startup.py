@@ -29,15 +29,20 @@ MOMENTS = ("reading", "starting", "router is there", "filter-loop is there", "wo
 Up = Callable[..., subprocess.Popen]
 
 
+def launch(*options: str, **popen: object) -> subprocess.Popen:
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    return subprocess.Popen(
+        [sys.executable, "-m", "milepost", "up", "--train", MAGLEV, "--listen", endpoint, *options], **popen
+    )
+
+
 @pytest.fixture
 def up() -> Iterator[Up]:
     """Start `milepost up`; whatever a test makes of it, it is gone afterwards."""
     started = []
 
     def start(*options: str, **popen: object) -> subprocess.Popen:
-        endpoint = f"tcp/127.0.0.1:{free_port()}"
-        command = [sys.executable, "-m", "milepost", "up", "--train", MAGLEV, "--listen", endpoint, *options]
-        started.append(subprocess.Popen(command, **popen))
+        started.append(launch(*options, **popen))
         return started[-1]
 
     yield start
@@ -95,16 +100,6 @@ def test_the_first_words_come_before_anything_heavy_is_imported() -> None:
     assert not before & {"numpy", "zenoh", "pyproj", "yaml", "milepost_schemas", "milepost.config.train"}
 
 
-def test_every_process_is_named_as_it_comes_and_then_the_first_state(headless: subprocess.Popen) -> None:
-    said = "".join(read_until(headless, "first state after"))
-    headless.send_signal(signal.SIGINT)
-    headless.communicate(timeout=15.0)
-    assert said.startswith(f"milepost: reading {MAGLEV}\nmilepost: starting 9 processes of maglev-1\n")
-    came = re.findall(r"^milepost: (\S+) is there \((\d) of 9\)$", said, re.M)
-    assert {name for name, _ in came} == {"router", *(name.replace(" ", "-") for name in NAMES)}
-    assert [number for _, number in came] == list("123456789")
-
-
 @pytest.mark.parametrize("moment", ["filter-loop is there", "first state after"])
 def test_no_process_outlives_a_killed_up(headless: subprocess.Popen, moment: str) -> None:
     read_until(headless, moment)
@@ -114,29 +109,6 @@ def test_no_process_outlives_a_killed_up(headless: subprocess.Popen, moment: str
     # every one of them holds the other end of standard error, those that have been forked since as well
     headless.communicate(timeout=1.0)
     wait_until(ended(children), 1.0, "a process outlives the one that started it")
-
-
-def test_each_process_shows_its_role_and_up_has_one_thread(headless: subprocess.Popen) -> None:
-    read_until(headless, "first state after")
-    roles = sorted(f"milepost run {name}" for name in {"router", *NAMES})
-    # the display ends with the first state
-    wait_until(lambda: sorted(map(title_of, children_of(headless.pid))) == roles, 5.0, "these titles and no others")
-    assert psutil.Process(headless.pid).num_threads() == 1, "a process with threads must not fork"
-
-
-def test_a_killed_process_is_forked_anew(headless: subprocess.Popen) -> None:
-    read_until(headless, "first state after")
-    (killed,) = [child for child in children_of(headless.pid) if title_of(child) == "milepost run filter radar"]
-    os.kill(killed, signal.SIGKILL)
-    said = read_until(headless, "filter-radar restarted")
-    assert any("filter-radar ended with signal SIGKILL" in line for line in said)
-
-    def successors() -> list[int]:
-        return [child for child in children_of(headless.pid) if title_of(child) == "milepost run filter radar"]
-
-    wait_until(lambda: successors() not in ([], [killed]), 5.0, "a successor")
-    headless.send_signal(signal.SIGINT)
-    assert headless.wait(15.0) == 0
 
 
 class Terminal:
@@ -221,3 +193,45 @@ def test_a_tool_without_a_router_says_how_to_start_one(command: str) -> None:
     assert done.returncode == 1
     (line,) = done.stderr.splitlines()
     assert line.startswith("milepost: no router at tcp/127.0.0.1:1: start one with `milepost up` or `milepost run router`")
+
+
+@pytest.fixture(scope="module")
+def running() -> Iterator[tuple[subprocess.Popen, str]]:
+    """A train with its first state, and what was said until then; the tests from here on share it."""
+    process = launch("--headless", stderr=subprocess.PIPE, text=True)
+    try:
+        yield process, "".join(read_until(process, "first state after"))
+        process.send_signal(signal.SIGINT)
+        assert process.wait(15.0) == 0
+    finally:
+        process.kill()
+        process.communicate(timeout=15.0)
+
+
+def test_every_process_is_named_as_it_comes_and_then_the_first_state(running: tuple[subprocess.Popen, str]) -> None:
+    said = running[1]
+    assert said.startswith(f"milepost: reading {MAGLEV}\nmilepost: starting 9 processes of maglev-1\n")
+    came = re.findall(r"^milepost: (\S+) is there \((\d) of 9\)$", said, re.M)
+    assert {name for name, _ in came} == {"router", *(name.replace(" ", "-") for name in NAMES)}
+    assert [number for _, number in came] == list("123456789")
+
+
+def test_each_process_shows_its_role_and_up_has_one_thread(running: tuple[subprocess.Popen, str]) -> None:
+    process, _ = running
+    roles = sorted(f"milepost run {name}" for name in {"router", *NAMES})
+    # the display ends with the first state
+    wait_until(lambda: sorted(map(title_of, children_of(process.pid))) == roles, 5.0, "these titles and no others")
+    assert psutil.Process(process.pid).num_threads() == 1, "a process with threads must not fork"
+
+
+def test_a_killed_process_is_forked_anew(running: tuple[subprocess.Popen, str]) -> None:
+    process, _ = running
+    (killed,) = [child for child in children_of(process.pid) if title_of(child) == "milepost run filter radar"]
+    os.kill(killed, signal.SIGKILL)
+    said = read_until(process, "filter-radar restarted")
+    assert any("filter-radar ended with signal SIGKILL" in line for line in said)
+
+    def successors() -> list[int]:
+        return [child for child in children_of(process.pid) if title_of(child) == "milepost run filter radar"]
+
+    wait_until(lambda: successors() not in ([], [killed]), 5.0, "a successor")
