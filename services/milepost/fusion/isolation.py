@@ -193,7 +193,7 @@ class Isolation:
         out = recomposed(state, new, sources(new, old, state.alive, lambda s: (s | {unit},), state.leader))
         out = self._fresh(out, unit)
         counted_ns = at_ns if verdict.refused is None else verdict.counted_ns
-        return out.judged(unit, verdict._replace(excluded=None, agreed=0, counted_ns=counted_ns))
+        return out.judged(unit, out.verdicts[unit]._replace(excluded=None, agreed=0, counted_ns=counted_ns))
 
     def _fresh(self, state: Bank, unit: str) -> Bank:
         """The tests of a unit begin again."""
@@ -207,13 +207,7 @@ class Isolation:
             return state
         index = [0 if d else i for i, d in enumerate(due)]
         dead = tuple(0 if d else ns for d, ns in zip(due, state.dead_ns, strict=True))
-        return state._replace(
-            x=state.x[index],
-            P=state.P[index],
-            channels=tuple(channel.of(index) for channel in state.channels),
-            alive=state.alive | np.array(due),
-            dead_ns=dead,
-        )
+        return state.of(index)._replace(alive=state.alive | np.array(due), dead_ns=dead)
 
 
 def _innovations(state: Bank, row: int) -> list[float]:
