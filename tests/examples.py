@@ -159,7 +159,7 @@ EXAMPLES: dict[str, tuple[Message, ...]] = {
             longitude_deg=4.25,
             last_balise=BalisePassed(balise_id="b00012", position_m=1200.0, distance_since_m=34.5),
             sensors=[SensorInUse(unit="radar", share=1.0, age_s=0.005)],
-            excluded=[SensorExcluded(unit="loop", reason="silent")],
+            excluded=[SensorExcluded(unit="loop", reason="silent", kind="silent")],
             awaiting=["loop"],
             settled=True,
         ),

@@ -9,11 +9,11 @@ def check_covariance(matrix: list[list[float]]) -> list[list[float]]:
     A Cholesky factorisation of the matrix scaled to a unit diagonal, so that metres next to radians do not
     matter; pivots down to -1e-9 pass as rounding. Raises ValueError otherwise.
     """
-    if len(matrix) == 3 and _clearly_definite(matrix):
-        return matrix
     n = len(matrix)
     if n == 0 or any([len(row) != n for row in matrix]):  # noqa: C419 (a list is faster than a generator here)
         raise ValueError("a covariance must be square and not empty")
+    if _clearly_definite_3x3(matrix) if n == 3 else _clearly_definite(matrix):
+        return matrix
     root = []
     for i in range(n):
         variance = matrix[i][i]
@@ -53,9 +53,9 @@ def _zero(value: float) -> float:
     return 0.0
 
 
-def _clearly_definite(matrix: list[list[float]]) -> bool:
+def _clearly_definite_3x3(matrix: list[list[float]]) -> bool:
     """The usual case, three states and far from singular, by Sylvester's criterion; other matrices are factorised."""
-    (p00, p01, p02), (p10, p11, p12), (p20, p21, p22) = _rows(matrix)
+    (p00, p01, p02), (p10, p11, p12), (p20, p21, p22) = matrix
     if not (p01 == p10 and p02 == p20 and p12 == p21 and p00 > 0.0 and p11 > 0.0 and p22 > 0.0):
         return False
     minor = p00 * p11 - p01 * p01
@@ -64,5 +64,26 @@ def _clearly_definite(matrix: list[list[float]]) -> bool:
     return minor > 1e-12 * p00 * p11 > 0.0 and determinant > 1e-12 * p00 * p11 * p22 > 0.0
 
 
-def _rows(matrix: list[list[float]]) -> list[list[float]]:
-    return matrix if len(matrix[0]) == len(matrix[1]) == len(matrix[2]) == 3 else [[0.0] * 3] * 3
+def _clearly_definite(matrix: list[list[float]]) -> bool:
+    """The usual case of more states: symmetric to rounding, and no pivot near 0, so that nothing needs to be scaled."""
+    factor: list[list[float]] = []
+    inverse_pivots: list[float] = []
+    for i, row in enumerate(matrix):
+        done: list[float] = []
+        variance = left = row[i]
+        for j, above in enumerate(factor):
+            rest = row[j]
+            asymmetry = rest - matrix[j][i]
+            if asymmetry * asymmetry > 1e-20 * variance * matrix[j][j]:
+                return False
+            for a, b in zip(done, above):  # noqa: B905 (`above` has one entry more, and `strict` costs time)
+                rest -= a * b
+            value = rest * inverse_pivots[j]
+            left -= value * value
+            done.append(value)
+        # written with `not`, so that a nan from an overflow is not accepted
+        if not left > 1e-9 * variance > 0.0:
+            return False
+        inverse_pivots.append(left**-0.5)
+        factor.append(done)
+    return True

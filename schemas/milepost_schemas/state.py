@@ -9,6 +9,24 @@ from pydantic import Field, model_validator
 from .message import AccelerationMps2, Count, Covariance, Message, Name, NonNegative, Part, PositionM, Share, SpeedMps, TimeNs
 
 Status = Literal["initialising", "normal", "degraded", "coasting", "lost"]
+# why a unit is not in use: first those that say nothing in time, then the one whose own filter lets nothing count, then those
+# whose word is wrong
+WorkingState = Literal[
+    "absent",
+    "silent",
+    "late",
+    "refused",
+    "stuck",
+    "out_of_range",
+    "noisy",
+    "biased",
+    "drifting",
+    "jumping",
+    "slipping",
+    "intermittent",
+    "exceeded",
+]
+SAYS_NOTHING = frozenset({"absent", "silent", "late"})
 Direction = Literal["forward", "backward", "standstill", "unknown"]
 
 
@@ -21,10 +39,21 @@ class SensorInUse(Part):
 
 
 class SensorExcluded(Part):
-    """A unit that is excluded at this epoch, and the reason."""
+    """A unit that is not in use at this epoch: the reason in words, and its kind.
+
+    `kind` `absent` (no process, or never heard), `silent` or `late`: it says nothing in time; `refused`: its own filter lets no
+    reading count; `exceeded`: the train moves harder than its `motion-model` says; any other: what it says is wrong. None: an
+    older fuser does not tell.
+    """
 
     unit: Name
     reason: str
+    kind: WorkingState | None = None
+
+    @property
+    def says_nothing(self) -> bool:
+        """Whether nothing is heard of it in time, rather than something that is not believed."""
+        return self.kind in SAYS_NOTHING
 
 
 class StateReset(Part):

@@ -116,10 +116,11 @@ def measure_full_load() -> float:
 
 
 def measure_load(pid: int) -> float:
-    """Cores used by all processes of the train and its router, outside listeners gone, in steady state."""
+    """Cores used by `up`, all processes of the train and its router, outside listeners gone, in steady state."""
+    up = psutil.Process(pid)
 
     def spent() -> float:
-        times = [child.cpu_times() for child in psutil.Process(pid).children(recursive=True)]
+        times = [process.cpu_times() for process in (up, *up.children(recursive=True))]
         return sum(t.user + t.system for t in times)
 
     time.sleep(max(0.0, STEADY_S - WINDOW_S))

@@ -4,26 +4,22 @@ from __future__ import annotations
 
 import json
 import os
-import shutil
-import socket
 import statistics
-import subprocess
 import threading
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from itertools import pairwise
-from pathlib import Path
 from typing import Any
 
 import msgpack
 import pytest
 import yaml
 import zenoh
+from engine import ROOT, find_compose, free_port, run
 
 pytestmark = pytest.mark.compose
 
-ROOT = Path(__file__).parents[2]
 COMPOSE_FILE = ROOT / "compose.yaml"
 SERVICES = sorted(yaml.safe_load(COMPOSE_FILE.read_text(encoding="utf-8"))["services"])
 TRAIN = "milepost/v1/full-1"
@@ -60,38 +56,6 @@ FIELDS: dict[str, type | tuple[type, ...]] = {
 }
 
 State = dict[str, Any]
-
-
-def find_compose() -> list[str]:
-    """The compose tool, of either generation; skips where there is none, or no engine."""
-    if shutil.which("docker") is None or subprocess.run(["docker", "info"], capture_output=True, check=False).returncode:
-        pytest.skip("no container engine: `docker info` does not answer")
-    for tool in (["docker", "compose"], ["docker-compose"]):
-        if shutil.which(tool[0]) and not subprocess.run([*tool, "version"], capture_output=True, check=False).returncode:
-            return tool
-    pytest.skip("no compose tool: neither `docker compose` nor `docker-compose` answers")
-
-
-def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port: int = probe.getsockname()[1]
-        return port
-
-
-def run(command: list[str], timeout_s: float, environment: dict[str, str] | None = None) -> str:
-    done = subprocess.run(
-        command,
-        cwd=ROOT,
-        env=environment,
-        timeout=timeout_s,
-        text=True,
-        capture_output=True,
-        check=False,
-    )
-    if done.returncode:
-        pytest.fail(f"{' '.join(command)}: exit code {done.returncode}\n{done.stdout}\n{done.stderr}", pytrace=False)
-    return done.stdout
 
 
 @dataclass
@@ -309,7 +273,7 @@ def test_a_killed_sensor_is_out_at_once_and_back_when_started(stack: Stack) -> N
     out = listener.wait_for_state(lambda state: "radar-front" in units(state, "excluded"), 10.0, "the radar excluded", before)
     out_at, state = listener.states[out]
     stack.figures["sensor out after its token ms"] = (out_at - gone_at) * 1e3
-    assert {"unit": "radar-front", "reason": "process gone"} in state["excluded"]
+    assert {"unit": "radar-front", "reason": "process gone", "kind": "absent"} in state["excluded"]
     assert out_at - gone_at < SILENCE_S / 2, "the token did not do it"
     heard = listener.span(out, epochs=100)
     for _, state in heard:
@@ -332,7 +296,7 @@ def test_a_crashed_process_comes_back_by_itself(stack: Stack) -> None:
     # PID 1 is the engine's init; its child is the process
     stack.inside("filter-loop", "kill -KILL $(cat /proc/1/task/1/children)")
     out = listener.wait_for_state(lambda state: "loop" in units(state, "excluded"), 10.0, "loop excluded", before)
-    assert {"unit": "loop", "reason": "process gone"} in listener.states[out][1]["excluded"]
+    assert {"unit": "loop", "reason": "process gone", "kind": "absent"} in listener.states[out][1]["excluded"]
     back = listener.wait_for_state(is_whole, 20.0, "loop in use again and a normal state", out)
     stack.figures["crash to normal again s"] = listener.states[back][0] - listener.states[out][0]
     assert stack.inspect("filter-loop")["RestartCount"] == 1

@@ -19,9 +19,12 @@ from milepost.evaluation.run_log import RunLog
 from milepost.offline.run import simulate
 
 MAGLEV = Path("deploy/trains/maglev.yaml")
-RUNS = 60
+# the mean of 40 chi-squares of 3 degrees: within 25 % of 3
+RUNS = 40
 LENGTH_S = 8.0
 NO_DRIVER = {"driver_time_s": None}
+# fewer epochs than the train file's cost less; readings come as often
+PERIOD_MS = 100
 
 
 def bounds_of_mean(degrees: int, samples: int) -> tuple[float, float]:
@@ -50,12 +53,13 @@ def nees(log: RunLog, at: int) -> float:
 
 @pytest.fixture(scope="module")
 def monte_carlo() -> list[RunLog]:
-    """Sixty trains that differ in everything that is random."""
-    return [run(load_train(MAGLEV, {"world": {"seed": 5000 + i, "motion": NO_DRIVER}}), LENGTH_S) for i in range(RUNS)]
+    """Forty trains that differ in everything that is random."""
+    worlds = ({"seed": 5000 + i, "motion": NO_DRIVER} for i in range(RUNS))
+    return [run(load_train(MAGLEV, {"world": world, "fusion": {"period_ms": PERIOD_MS}}), LENGTH_S) for world in worlds]
 
 
 @pytest.mark.parametrize("at_s", [1.0, 4.0, 7.5])
-def test_the_errors_of_sixty_trains_are_as_large_as_their_covariances_say(monte_carlo, at_s):
+def test_the_errors_of_forty_trains_are_as_large_as_their_covariances_say(monte_carlo, at_s):
     """Before and after the first balise, at 5 s."""
     values = [nees(log, 1_700_000_000_000_000_000 + round(at_s * 1e9)) for log in monte_carlo]
     low, high = bounds_of_mean(3, len(values))
@@ -64,7 +68,7 @@ def test_the_errors_of_sixty_trains_are_as_large_as_their_covariances_say(monte_
 
 def test_the_truth_is_inside_every_published_interval(monte_carlo):
     pairs = [(log.live[at], truth) for log in monte_carlo for at, truth in log.truth.items() if at in log.live]
-    assert len(pairs) > 0.99 * RUNS * LENGTH_S * 50
+    assert len(pairs) > 0.98 * RUNS * LENGTH_S * 1000 / PERIOD_MS
     assert all(s.position_min_m <= t[0] <= s.position_max_m for s, t in pairs)
     assert all(s.speed_min_mps <= t[1] <= s.speed_max_mps for s, t in pairs)
 

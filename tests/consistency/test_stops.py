@@ -14,7 +14,8 @@ from milepost.evaluation.run_log import RunLog
 from milepost.offline.run import OFFLINE_START_NS, simulate
 
 pytestmark = pytest.mark.slow
-SEEDS = range(20)
+SEEDS = range(10)
+STRETCHES = 2  # in each run: two stops, or two reversals, so far apart that their errors are independent
 FULL = Path("deploy/trains/full.yaml")
 UNITS = {"radar-front": {}, "loop": {}, "odometer-front": {}, "balise-reader": {}}
 LINE = {"line": "l", "length_m": 2000.0, "balises": {"every_m": 20.0, "from_m": 20.0, "location_accuracy_m": 0.05}}
@@ -87,7 +88,7 @@ class Run:
 
 @pytest.fixture(scope="module", params=sorted(CASES))
 def runs(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> list[Run]:
-    """Twenty trains."""
+    """Ten trains."""
     folder = tmp_path_factory.mktemp("stops")
     return [Run(folder, *CASES[request.param], seed, 0.01) for seed in SEEDS]
 
@@ -97,11 +98,11 @@ def test_the_truth_is_inside_the_interval_at_every_epoch(runs: list[Run]) -> Non
 
 
 def test_the_errors_are_no_larger_than_stated(runs: list[Run]) -> None:
-    """Over the runs, and where they stand or creep: the mean of 20 chi-squares of 3 degrees, 95 %.
+    """Over the runs, and where they stand or creep: the mean of 20 chi-squares of 3 degrees, two a run, 95 %.
 
     There is no lower bound: between its corners the train runs more smoothly than the filter's jerk allows for.
     """
-    high = bounds_of_mean(3, len(runs))[1]
+    high = bounds_of_mean(3, STRETCHES * len(runs))[1]
     assert np.mean([run.nees.mean() for run in runs]) < high
     assert np.concatenate([run.nees[np.abs(run.truth[:, 1]) < 0.3] for run in runs]).mean() < high
 
@@ -112,9 +113,9 @@ def test_the_speed_at_standstill_stays_known(runs: list[Run]) -> None:
     assert slow.max() < 0.15
 
 
-@pytest.mark.parametrize("at_s", [5.0, 10.0, 20.0, 29.0])
+@pytest.mark.parametrize("at_s", [5.0, 10.0, 15.0, 20.0])
 def test_a_train_that_wanders_about_standstill_is_known_as_well_as_stated(wanders: list[Run], at_s: float) -> None:
-    """The filter's own model, some four reversals a run: both bounds of 95 %."""
+    """The filter's own model, some three reversals a run: both bounds of 95 %."""
     low, high = bounds_of_mean(3, len(wanders))
     assert low < np.mean([run.nees_at(at_s) for run in wanders]) < high
 
@@ -124,4 +125,4 @@ def wanders(tmp_path_factory: pytest.TempPathFactory) -> list[Run]:
     """Forty trains that nobody drives."""
     folder = tmp_path_factory.mktemp("wanders")
     motion = {"jerk_psd_m2ps5": 1e-4, "driver_time_s": None, "start_std": [0.5, 0.1, 0.05]}
-    return [Run(folder, [[0.0, 0.0], [30.0, 0.0]], motion, seed, 1e-4) for seed in range(40)]
+    return [Run(folder, [[0.0, 0.0], [20.5, 0.0]], motion, seed, 1e-4) for seed in range(40)]

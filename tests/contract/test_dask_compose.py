@@ -22,6 +22,11 @@ def test_a_scheduler_and_two_workers_share_the_projects_image() -> None:
     assert SERVICES["worker"]["command"][0] == "tcp://scheduler:8786"
 
 
+def test_workers_wait_for_a_scheduler_that_listens() -> None:
+    assert SERVICES["worker"]["depends_on"] == {"scheduler": {"condition": "service_healthy"}}
+    assert "8786" in SERVICES["scheduler"]["healthcheck"]["test"][-1]
+
+
 def test_the_cluster_runs_with_the_least_privileges() -> None:
     for service in SERVICES.values():
         assert (service["read_only"], service["cap_drop"]) == (True, ["ALL"])

@@ -17,7 +17,7 @@ from milepost.fusion.shares import FixedShares
 from milepost.nodes.filter import FilterNode
 from milepost.nodes.fuser import FuserNode
 from milepost.nodes.fuser_settings import FuserSettings
-from milepost.nodes.roster import UnitRow
+from milepost.nodes.unit_record import UnitRow
 from milepost.sensors.base import Sensor, SensorOptions
 from milepost.sensors.observed import Observed
 from milepost.track.line import Line

@@ -17,11 +17,11 @@ import pytest
 from examples import REMOVED, write_train
 from milepost.config.train import Train, load_train
 from milepost.estimation.filters import FILTERS
-from milepost.fusion.evidence import KINDS
 from milepost.offline.run import OFFLINE_START_NS, simulate
 from milepost.sensors import SENSORS
 from milepost.simulation.faults import FaultEntry
 from milepost_schemas import FusedState
+from milepost_schemas.state import SAYS_NOTHING
 
 ROOT = Path(__file__).resolve().parents[2]
 # a balise every second and a half, and the geometry that some kinds need
@@ -30,7 +30,7 @@ LINE = {
     "length_m": REMOVED,
     "balises": {"every_m": 30.0, "from_m": 30.0},
 }
-BY_THE_BANK = {*KINDS, "spinning", "sliding"}
+NOT_BY_THE_BANK = {*SAYS_NOTHING, "refused"}
 LENGTH_S = 9.0
 ONSETS_S = (0.0, 2.0, 5.0)
 # in the standard deviations of the train without the unit; measured: 2e-11
@@ -103,7 +103,7 @@ class Difference(NamedTuple):
 
 def excluded(state: FusedState) -> set[str]:
     """The units that the bank excludes: not those of which one reading was refused, or which are silent."""
-    return {entry.unit for entry in state.excluded if entry.reason in BY_THE_BANK}
+    return {entry.unit for entry in state.excluded if entry.kind not in NOT_BY_THE_BANK}
 
 
 def difference(kind: str, kind_of_filter: str, onset_s: float, lies: dict[str, Lie]) -> Difference:

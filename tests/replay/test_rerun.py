@@ -20,7 +20,7 @@ from milepost.offline.run import simulate
 ROOT = Path(__file__).resolve().parents[2]
 pytestmark = pytest.mark.slow
 TRAIN = ROOT / "deploy/trains/maglev.yaml"
-DURATION_S = 9.0
+DURATION_S = 7.0
 SEED = 7
 Line = dict[str, Any]
 
@@ -56,7 +56,7 @@ class Recorded:
 
 @pytest.fixture(scope="module")
 def recorded(tmp_path_factory: pytest.TempPathFactory) -> Recorded:
-    """Nine seconds of the train file as it is: a rerun knows the train, not the scenario."""
+    """Seven seconds, with one balise, of the train file as it is: a rerun knows the train, not the scenario."""
     folder = tmp_path_factory.mktemp("recorded")
     scenario, path = folder / "scenario.yaml", folder / "messages.jsonl"
     scenario.write_text(f"scenario: short\ntrain: {TRAIN}\nduration_s: {DURATION_S}\nseed: {SEED}\n", encoding="utf-8")

@@ -24,7 +24,7 @@ Received = tuple[str, str, Message, int]
 SPIN: dict[str, Any] = {"world": {"creep": {"events": [{"from_s": 6.0, "to_s": 9.0, "ratio": 0.15}]}}}
 TRAINS = {
     "metro": (SPIN, 16.0),
-    "full": ({"world": {"creep": {"events": [{"from_s": 4.0, "to_s": 6.0, "ratio": -0.3}]}}}, 10.0),
+    "full": ({"world": {"creep": {"events": [{"from_s": 2.0, "to_s": 4.0, "ratio": -0.3}]}}}, 7.0),
 }
 
 

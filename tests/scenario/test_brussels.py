@@ -161,9 +161,9 @@ class TestRefused:
 
 
 class TestOwnColumns:
-    """The log in columns, units and words of another receiver, scenario time 0 ten seconds later."""
+    """The log in columns, units and words of another receiver, scenario time 0 half a minute before the withheld minute."""
 
-    LATER_S = 10.0
+    LATER_S = 250.0
 
     def recording(self, folder: Path, **options: Any) -> dict[str, Any]:
         start = datetime(2022, 2, 25, 9, 32, 54, 400_000, tzinfo=UTC)
@@ -189,12 +189,14 @@ class TestOwnColumns:
         motion = {"gnss_log": {key: value for key, value in recording.items() if key != "average_s"}}
         span = [280.0 - self.LATER_S, 340.0 - self.LATER_S]
         change = {
-            "prior": {"position_std_m": 500.0},
+            "prior": {"position_m": 2700.0, "position_std_m": 500.0, "speed_mps": 10.0},
             "world": {"motion": motion},
             "units": {"gnss": {"recording": recording, "withhold_s": [span]}},
         }
         withheld = {"unit": "gnss", "from_s": span[0], "to_s": span[1]}
-        return changed_scenario(folder, change=change, withheld=withheld, compare=["fused"], alone=[], duration_s=335.0)
+        return changed_scenario(
+            folder, change=change, withheld=withheld, compare=["fused"], alone=[], duration_s=UNTIL_S - self.LATER_S
+        )
 
     def test_the_withheld_fixes_are_those_that_the_sensor_replays(self, journey, tmp_path):
         _, _, fixes = journey

@@ -22,20 +22,20 @@ from milepost.estimation.layout import Array
 from milepost.estimation.motion import full_process_noise, full_transition
 from milepost.estimation.time_units import S_PER_NS
 from milepost.evaluation.run_log import RunLog
-from milepost.fusion.evidence import KINDS
 from milepost.fusion.information_rule import InformationFusion
 from milepost.fusion.rule import Fused
 from milepost.nodes.observations import of_estimate, of_fix, whole_readings
 from milepost.offline.run import OFFLINE_START_NS, simulate
 from milepost.sensors.observed import Belief
 from milepost_schemas import AbsoluteFix, Estimate, FusedState
+from milepost_schemas.state import SAYS_NOTHING
 
 METRO = ROOT / "deploy/trains/metro.yaml"
 # past a spin at 58 s and a slide at 70 s, of all wheels at once, and the readmissions after each
 UNTIL_S, SEED = 82.0, 2
 # with a period this short, no unit has two readings between two epochs
 PERIOD_MS = 50
-BY_THE_BANK = {*KINDS, "spinning", "sliding"}
+NOT_BY_THE_BANK = {*SAYS_NOTHING, "refused"}
 Units = frozenset[str]
 
 
@@ -209,7 +209,7 @@ def test_both_wheels_are_excluded_and_readmitted_in_spin_and_slide(journey: Jour
 
 def test_settled_states_say_what_the_decisions_say(journey: Journey) -> None:
     for at, state in journey.log.settled.items():
-        assert {e.unit for e in state.excluded if e.reason in BY_THE_BANK} == left_out(journey.fused[at])
+        assert {e.unit for e in state.excluded if e.kind not in NOT_BY_THE_BANK} == left_out(journey.fused[at])
 
 
 def test_until_the_first_exclusion_it_is_the_centralised_filter(journey: Journey) -> None:

@@ -22,8 +22,7 @@ from milepost_schemas import Message, SpeedReading
 ROOT = Path(__file__).resolve().parents[2]
 MAGLEV = load_train(ROOT / "deploy/trains/maglev.yaml")
 FULL = load_train(ROOT / "deploy/trains/full.yaml")
-ONSET_S = 6.0
-# where a kind needs options; the train passes a balise every 5 s
+# where a kind needs options
 OPTIONS: dict[str, dict[str, Any]] = {
     "bias": {"size": 1.0},
     "ramp": {"rate": 1.0},
@@ -68,6 +67,11 @@ def sent(unit: str, *faults: FaultEntry, duration_s: float = 2.0) -> list[Messag
     return out
 
 
+def onset_s(train: Train, unit: str) -> float:
+    """When a fault begins; the train passes a balise every 5 s."""
+    return 6.0 if unit in train.balise_readers else 2.0
+
+
 def inbox(train: Train, unit: str, *faults: FaultEntry) -> list[tuple[int, Message]]:
     """What the fuser gets that is of a unit's readings, with the time of receipt."""
     fuser = ROLES["fuser"].build(train, "fuser", Setting("offline"))
@@ -79,7 +83,7 @@ def inbox(train: Train, unit: str, *faults: FaultEntry) -> list[tuple[int, Messa
         if output.stream in streams and output.unit == sender:
             got.append((now_ns, output.message))
 
-    simulate(train, ONSET_S + 5.0 if sender == "balise" else ONSET_S + 1.0, tap, faults=faults)
+    simulate(train, onset_s(train, unit) + (5.0 if sender == "balise" else 1.0), tap, faults=faults)
     return got
 
 
@@ -90,9 +94,10 @@ def honest_inbox(train_name: str, unit: str) -> list[tuple[int, Message]]:
 
 @pytest.mark.parametrize(("kind", "train", "unit"), CASES, ids=lambda case: case if isinstance(case, str) else case.name)
 def test_a_fault_reaches_the_fuser_from_its_onset_on(kind: str, train: Train, unit: str) -> None:
-    fault = FaultEntry.model_validate({"unit": unit, "kind": kind, "from_s": ONSET_S, **OPTIONS.get(kind, {})})
+    from_s = onset_s(train, unit)
+    fault = FaultEntry.model_validate({"unit": unit, "kind": kind, "from_s": from_s, **OPTIONS.get(kind, {})})
     honest, lying = honest_inbox(train.name, unit), inbox(train, unit, fault)
-    onset_ns = OFFLINE_START_NS + round(ONSET_S * 1e9)
+    onset_ns = OFFLINE_START_NS + round(from_s * 1e9)
     # what was measured before the onset may be on its way for a while
     assert [m for at, m in honest if at < onset_ns] == [m for at, m in lying if at < onset_ns] != []
     assert [m for at, m in honest if at >= onset_ns] != [m for at, m in lying if at >= onset_ns]

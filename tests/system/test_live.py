@@ -64,7 +64,7 @@ def test_a_killed_sensor_is_excluded_at_once_and_comes_back(maglev):
     killed_ns = time.time_ns()
     os.kill(stack.pid_of("sensor", "radar"), signal.SIGKILL)
     gone = outside.wait_state(STATE, lambda m: "radar" not in units(m), 3.0, "a state without the radar")
-    assert gone["excluded"] == [{"unit": "radar", "reason": "process gone"}]
+    assert gone["excluded"] == [{"unit": "radar", "reason": "process gone", "kind": "absent"}]
     assert gone["status"] == "degraded"
     assert (gone["published_at_ns"] - killed_ns) * 1e-9 < 0.5
     back = outside.wait_state(STATE, lambda m: m["status"] == "normal" and "radar" in units(m), 20.0, "the radar back")

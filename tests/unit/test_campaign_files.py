@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from milepost.campaign import fingerprint
 from milepost.campaign.campaign_file import load_campaign
 from milepost.campaign.cells import Cell, cells
-from milepost.campaign.fingerprint import train_fingerprint
+from milepost.campaign.fingerprint import code_fingerprint, train_fingerprint
 from milepost.campaign.results_file import results_file
 from milepost.campaign.task import run_task
 from milepost.config.shipped_files import find_file, names_in
@@ -101,7 +103,7 @@ def test_every_shipped_campaign_can_be_planned(name: str) -> None:
             "trains.a.change: ",
         ),
         ({"faults": [{**BIAS, "kind": "bais"}]}, "faults.0.kind: must be one of bias, "),
-        ({"faults": [{**BIAS, "options": {"sise": 1.0}}]}, "faults.0.options: "),
+        ({"faults": [{**BIAS, "options": {"sise": 1.0}}]}, "faults.0.options: sise: not an option of bias, which has size"),
         ({"faults": [{**BIAS, "streams": ["speed"]}]}, "faults.0.streams.0: must be one of "),
         ({"faults": [{**BIAS, "sensors": ["radra"]}]}, "faults.0.sensors: must be one of "),
         ({"faults": [{**BIAS, "units": ["radra"]}]}, "faults.0.units: must be one of radar, loop, balise-reader"),
@@ -141,10 +143,15 @@ def test_a_trains_fingerprint_changes_with_its_lines_geometry(tmp_path: Path) ->
     assert train_fingerprint(tmp_path / "train.yaml") != before
 
 
+def test_the_codes_fingerprint_changes_with_pythons_version(monkeypatch: pytest.MonkeyPatch) -> None:
+    here = code_fingerprint.__wrapped__()
+    assert here == code_fingerprint()
+    monkeypatch.setattr(fingerprint, "PYTHON", (3, 99))
+    assert code_fingerprint.__wrapped__() != here
+
+
 @pytest.mark.parametrize("other", ["code", "inputs"])
 def test_a_run_with_other_code_or_files_is_refused(tmp_path: Path, other: str) -> None:
-    from dataclasses import replace
-
     task = replace(planned(tmp_path)[0].tasks[0], **{other: "another"})
     with pytest.raises(ConfigError, match="a worker has another version"):
         run_task(task, lambda done_s: None)
@@ -177,3 +184,9 @@ def test_a_line_that_is_no_result_is_named(tmp_path: Path) -> None:
     path.write_text('{"key": "a", "figures": {}}\nnonsense\n', encoding="utf-8")
     with pytest.raises(ConfigError, match="line 2: not a result of a campaign"), results_file(path):
         pass
+
+
+def test_a_run_whose_train_is_not_here_is_refused(tmp_path: Path) -> None:
+    task = replace(planned(tmp_path)[0].tasks[0], file=str(tmp_path / "absent.yaml"))
+    with pytest.raises(ConfigError, match=r"absent\.yaml: a worker has no such file"):
+        run_task(task, lambda done_s: None)

@@ -66,7 +66,23 @@ def test_half_widths_and_the_limit_of_subset_041() -> None:
     assert (figures["position_half_width_median_m"], figures["position_half_width_max_m"]) == (5.0, 6.0)
     assert figures["speed_half_width_median_mps"] == 0.5
     # 5 m + 5 % of 19 m is 5.95 m, of 21 m 6.05 m
-    assert figures["subset_041_epochs"] == 3
+    assert (figures["subset_041_epochs"], figures["subset_041_due_epochs"]) == (3, 4)
+
+
+def test_the_share_of_subset_041_is_that_of_the_check() -> None:
+    wide = {"half_m": 6.0}
+    known = {**wide, "since_m": 0.0, "location_accuracy_m": 1.1}
+    run = watch(*[0.0] * 4, states={0: {**wide, "since_m": None}, 1: known, 2: {**wide}, 3: {"status": "lost"}})
+    figures = measure(run, [], 0.0, UNITS)
+    # before the first balise nothing is asked for; a lost state is not permitted, however narrow it is
+    assert (figures["subset_041_epochs"], figures["subset_041_due_epochs"]) == (1, 3)
+    assert aggregate(Cell("maglev", (), "no fault", (task(1),)), [figures])["subset_041_percent"] == pytest.approx(100.0 / 3.0)
+
+
+def test_a_unit_that_says_nothing_is_not_wrongly_excluded() -> None:
+    states = {3: {"excluded": ["loop"], "unheard": ("loop",)}, 4: {"excluded": ["loop"]}}
+    figures = measure(watch(*[0.0] * 6, states=states), [LIAR], 0.0, UNITS)
+    assert (figures["wrongly_excluded_epochs"], figures["wrong_exclusions"]) == (1, 1)
 
 
 def test_detection_is_the_first_exclusion_since_the_onset() -> None:

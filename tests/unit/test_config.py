@@ -69,6 +69,10 @@ MISTAKES = (
     Mistake("number for a file", "line", "", {"line": 5}),
     # values
     Mistake("name with a slash", "train", "", {"train": "a/b"}),
+    Mistake(
+        "unit's name that is the motion model's", "units", "motion-model", {"units.motion-model": {"kind": "doppler_radar"}}
+    ),
+    Mistake("hard motion for certain", "motion_model.hard_probability", "0.5", {"motion_model.hard_probability": 1.0}),
     Mistake("unit's name with a star", "units", "", {"units.a*": {"kind": "doppler_radar"}}),
     Mistake("no standard deviation", "prior.position_std_m", "greater than 0", {"prior.position_std_m": 0.0}),
     Mistake("negative rate", "units.radar.rate_hz", "greater than 0", {"units.radar.rate_hz": -100.0}),
@@ -380,6 +384,8 @@ def test_an_invalid_endpoint_is_reported_in_one_line(tmp_path: Path, up_says: An
 
 SCENARIO_MISTAKES: dict[str, tuple[dict[str, Any], str, str]] = {
     "unknown key": ({"durations": 1.0}, "durations", "unknown key"),
+    "unknown train": ({"train": "metor"}, "train: metor: neither a file nor", "did you mean 'metro'?"),
+    "train file that is not there": ({"train": "trian.yaml"}, "train: trian.yaml: no such file", "did you mean 'train.yaml'?"),
     "no duration": ({"duration_s": REMOVED}, "duration_s", "required"),
     "negative duration": ({"duration_s": -1.0}, "duration_s", "greater than 0"),
     "text for a number": ({"duration_s": "long"}, "duration_s", "number"),
@@ -391,6 +397,11 @@ SCENARIO_MISTAKES: dict[str, tuple[dict[str, Any], str, str]] = {
     "fault of nobody": ({"faults": [{"unit": "rader", "kind": "stuck", "from_s": 1.0}]}, "faults.0.unit", "'radar'"),
     "unknown fault": ({"faults": [{"unit": "radar", "kind": "broken", "from_s": 1.0}]}, "faults.0: kind", "'broken'"),
     "fault without its option": ({"faults": [{"unit": "radar", "kind": "bias", "from_s": 1.0}]}, "faults.0: size", "required"),
+    "misspelt option of a fault": (
+        {"faults": [{"unit": "radar", "kind": "bias", "from_s": 1.0, "siz": 1.0}]},
+        "faults.0: siz: not an option of bias, which has size",
+        "did you mean 'size'?",
+    ),
     "option of another fault": (
         {"faults": [{"unit": "radar", "kind": "stuck", "from_s": 1.0, "size": 1.0}]},
         "faults.0: size",
@@ -418,6 +429,12 @@ def test_a_mistake_in_a_scenario_is_reported_in_one_line(tmp_path: Path, up_says
     line = up_says("evaluate", str(path))
     assert line.startswith(f"milepost: {path}: {field_}"), line
     assert says in line
+
+
+@pytest.mark.parametrize("typed", [["--siz", "1"], ["--siz=1"], ["--size", "1", "--siz", "2"]])
+def test_a_misspelt_option_of_inject_is_named_with_the_nearest(up_says: Any, typed: list[str]) -> None:
+    line = up_says("inject", "radar", "bias", *typed)
+    assert line == "milepost: inject: --siz: not an option of bias, which has --size; did you mean '--size'?"
 
 
 def test_an_invalid_change_is_reported_with_the_scenario_and_field(tmp_path: Path) -> None:

@@ -167,3 +167,4 @@ def test_a_covariance_that_overflows_is_refused(huge: float) -> None:
     assert not accepts([[1e-10, huge], [huge, 1e-10]])
     assert not accepts([[1e-10, 0.0, huge], [0.0, 1e-10, 0.0], [huge, 0.0, 1e-10]])
     assert not accepts([[1e-300, 0.0, huge], [0.0, 1.0, huge], [huge, huge, 1.0]])
+    assert not accepts([[1.0, 0.0, 0.0, huge], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [-huge, 0.0, 0.0, 1.0]])

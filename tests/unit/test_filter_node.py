@@ -86,3 +86,20 @@ def test_a_filter_that_catches_up_restarts_its_observer(monkeypatch: pytest.Monk
     monkeypatch.setattr(to._observer, "restarted", lambda: told.append("restarted"))
     assert to.catch_up(fed_back(1, to._names, 0.0, np.eye(3).tolist()), T0 + STEP)
     assert told == ["restarted"]
+
+
+@pytest.mark.parametrize(("moment", "why"), [(100, "too_old"), (500, "from_future")])
+def test_the_fuser_is_told_of_untimely_readings_twice_a_second(moment: int, why: str) -> None:
+    to, now = node("odometer", "kalman"), T0 + 320 * STEP
+    for number in range(301, 311):
+        estimates(to, speed(number, speed_mps=20.0, speed_variance_m2ps2=0.01, interval_s=0.05))
+    untimely = [
+        (n, o.message)
+        for n in range(40)
+        for o in to.step(speed(moment + n, speed_mps=20.0, speed_variance_m2ps2=0.01, interval_s=0.05), now + n * STEP)
+        if isinstance(o.message, Estimate)
+    ]
+    assert [n for n, _ in untimely] == [0, 10, 20, 30]
+    for _, estimate in untimely:
+        assert estimate.observations == []
+        assert [(r.counts, r.why) for r in estimate.readings] == [(False, why)]

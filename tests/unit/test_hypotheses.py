@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from milepost.fusion.hypotheses import DECORRELATION_S, NOBODY, PLAUSIBLE, Doubts, Rows, Suspect, sources
+from milepost.fusion.hypotheses import DECORRELATION_S, HARD, NOBODY, PLAUSIBLE, Doubts, Rows, Suspect, sources
 
 A, B, C = (frozenset(x) for x in "abc")
 
@@ -155,3 +155,38 @@ def test_the_first_of_several_wanted_rows_that_lives_is_continued() -> None:
     assert {units: old.sets[i] for units, i in zip(new.sets, index, strict=True)} == {
         units: NOBODY if units - B == NOBODY else C for units in new.sets
     }
+
+
+# --- a train that moves harder than its motion model
+
+
+def test_hard_motion_is_one_cause_more() -> None:
+    single, pairs = doubts(OFTEN, hard_motion_probability=1e-6).sets(NOBODY)
+    assert single == {NOBODY: 1.0, A: 1e-3, B: 2e-3, C: 1e-5, HARD: 1e-6}
+    assert HARD not in doubts({}, hard_motion_probability=1e-6).sets(NOBODY)[0]
+    assert pairs == {A | B: pytest.approx(2e-6)}
+
+
+def test_the_rows_of_hard_motion_are_known_by_place() -> None:
+    rows = Rows(doubts(OFTEN, hard_motion_probability=1e-6), A)
+    assert [rows.sets[i] for i in rows.hard] == [A | HARD]
+    assert len(Rows(doubts(OFTEN), A).hard) == 0
+
+
+def test_an_alternative_has_the_chance_of_its_causes_over_those_excluded() -> None:
+    """Hard motion 1e-6 against a 1e-3, and against a and b 2e-6, which are likelier still as one cause, 4e-3."""
+    train = doubts(OFTEN, hard_motion_probability=1e-6)
+    rows = Rows(train, A, frozenset((HARD,)))
+    assert rows.chances[rows.places[HARD]] == pytest.approx(1e-3)
+    assert Rows(train, A | B, frozenset((HARD,))).chances[-1] == pytest.approx(0.5)
+    common = doubts(OFTEN, hard_motion_probability=1e-6, groups=((A | B, 4e-3),))
+    assert Rows(common, A | B, frozenset((HARD,))).chances[-1] == pytest.approx(2.5e-4)
+    assert rows.published(np.ones(len(rows.sets), dtype=bool))[rows.places[HARD]]
+
+
+def test_with_one_wheel_excluded_the_others_are_as_likely_as_their_common_cause() -> None:
+    """Alone 1e-5; but a slip of both, 4e-4, is two fifths of the first's own fault."""
+    rates = {"a": 1e-3, "b": 1e-5}
+    assert doubts(rates).sets(A)[0][A | B] == 1e-5
+    assert doubts(rates, groups=((A | B, 4e-4),)).sets(A)[0][A | B] == pytest.approx(0.4)
+    assert doubts(rates, groups=((A | B, 4e-3),)).sets(A)[0][A | B] == 1.0

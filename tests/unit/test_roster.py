@@ -6,7 +6,8 @@ import pytest
 
 from milepost.fusion.shares import FixedShares
 from milepost.fusion.verdicts import Verdict
-from milepost.nodes.roster import KEPT_TIMES, STALE_NS, Roster, UnitRow
+from milepost.nodes.roster import KEPT_TIMES, Roster
+from milepost.nodes.unit_record import STALE_NS, UnitRow
 
 MS = 1_000_000
 S = 1_000_000_000
@@ -133,6 +134,33 @@ def test_tokens_of_other_processes_change_nothing() -> None:
     for process in ("sensor-wheel", "filter-wheel", "balise", "fuser", "radar", "sensor-radar-2", "world"):
         known.process_alive(process, False)
     assert known.awaited(["radar", "wheel"]) == ["radar"]
+
+
+# late ---------------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("untimely", [False, True])
+@pytest.mark.parametrize(("behind_ns", "reason"), [(3 * S, "late"), (-S, "stamped ahead of time"), (MS, "silent")])
+def test_a_unit_that_is_heard_but_not_in_time_is_not_silent(behind_ns: int, reason: str, untimely: bool) -> None:
+    known, now = heard(radar=S), 10 * S
+    known.arrived("radar", now - behind_ns if untimely else S, now, untimely=untimely)
+    expected = reason if untimely else "late"
+    presence = known.at(now + MS, live=True, verdicts={})
+    assert presence.excluded["radar"] == expected
+    assert ("radar" in presence.behind_s) == (expected == "late")
+
+
+def test_a_late_unit_of_which_nothing_comes_any_more_is_silent() -> None:
+    known = heard(radar=S)
+    known.arrived("radar", 2 * S, 10 * S)
+    assert known.at(10 * S + STALE_NS, live=True, verdicts={}).excluded["radar"] == "late"
+    assert known.at(10 * S + STALE_NS + 1, live=True, verdicts={}).excluded["radar"] == "silent"
+
+
+def test_settled_states_do_not_depend_on_when_readings_came() -> None:
+    known = heard(radar=S)
+    known.arrived("radar", 2 * S, 10 * S, untimely=True)
+    assert known.at(10 * S, live=False, verdicts={}).excluded["radar"] == "silent"
 
 
 # in use and excluded -------------------------------------------------------------------------------------------------------

@@ -16,7 +16,8 @@ from milepost.estimation.observation import Observation
 from milepost.fusion.shares import FixedShares, SharesByAccuracy, SharesBySpeed, SpeedRow
 from milepost.nodes.fuser import FuserNode
 from milepost.nodes.fuser_settings import FuserSettings
-from milepost.nodes.roster import Roster, UnitRow
+from milepost.nodes.roster import Roster
+from milepost.nodes.unit_record import UnitRow
 from milepost.track.line import Line
 from milepost_schemas import Estimate, FusedState, Gaussian
 from milepost_schemas.estimate import LinearObservation

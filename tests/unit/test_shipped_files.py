@@ -63,6 +63,19 @@ def test_a_path_stays_as_it_is(elsewhere: Path, given: str) -> None:
     assert find_file(Path(given), "trains") == Path(given)
 
 
+def test_a_scenario_takes_a_train_by_name(elsewhere: Path, root: Path) -> None:
+    path = elsewhere / "mine.yaml"
+    path.write_text("{scenario: mine, train: metro, duration_s: 1.0}", encoding="utf-8")
+    assert load_scenario(path)[0].train == root / "deploy/trains/metro.yaml"
+
+
+def test_a_scenario_prefers_the_file_beside_it(elsewhere: Path, root: Path) -> None:
+    (elsewhere / "metro").symlink_to(root / "deploy/trains/maglev.yaml")
+    path = elsewhere / "mine.yaml"
+    path.write_text("{scenario: mine, train: metro, duration_s: 1.0}", encoding="utf-8")
+    assert load_scenario(path)[1].name == "maglev-1"
+
+
 def test_an_unknown_name_lists_the_known_and_the_nearest(elsewhere: Path) -> None:
     with pytest.raises(ConfigError) as caught:
         find_file(Path("metor"), "trains")

@@ -15,7 +15,7 @@ from milepost.cli.status import _line
 from milepost.cli.watch import Screen
 from milepost.runtime import instances
 from milepost.runtime.instances import Token
-from milepost_schemas import Health, Message
+from milepost_schemas import FusedState, Health, Message
 
 
 def picture(screen: Screen) -> str:
@@ -85,3 +85,10 @@ def test_units_that_contradict_each_other_are_shown_as_doubted() -> None:
 
 def test_status_says_that_one_of_the_doubted_is_wrong() -> None:
     assert "one of radar, loop is wrong" in _line(EXAMPLES["state"][0])
+
+
+def test_status_tells_units_that_are_wrong_from_those_that_are_silent() -> None:
+    entries = [("radar", "biased", "biased"), ("loop", "process gone", "absent")]
+    fields = [{"unit": unit, "reason": reason, "kind": kind} for unit, reason, kind in entries]
+    state = FusedState.model_validate({**EXAMPLES["state"][0].model_dump(), "excluded": fields})
+    assert "; excluded: radar (biased); not heard: loop (process gone)" in _line(state)

@@ -88,7 +88,7 @@ def _interval(runs: Sequence[Figures]) -> dict[str, Any]:
         "position_half_width_max_m": _largest(run["position_half_width_max_m"] for run in runs),
         "speed_half_width_median_mps": _median(run["speed_half_width_median_mps"] for run in runs),
         "speed_half_width_max_mps": _largest(run["speed_half_width_max_mps"] for run in runs),
-        "subset_041_percent": percent(_total(runs, "subset_041_epochs"), epochs),
+        "subset_041_percent": percent(_total(runs, "subset_041_epochs"), _total(runs, "subset_041_due_epochs")),
         "statuses_percent": {word: percent(sum(r["statuses_epochs"].get(word, 0) for r in runs), epochs) for word in words},
     }
 

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, Field, model_validator
 
-from milepost.config.shipped_files import find_file
+from milepost.config.shipped_files import named_in_file
 from milepost.config.train_file import Positive
 from milepost.config.yaml_files import read_yaml, validate
 from milepost.recordings.options import STRICT
@@ -39,8 +39,7 @@ class TrainEntry(BaseModel):
 
     def file(self, folder: Path) -> Path:
         """The train file, given the campaign file's folder. Raises ConfigError."""
-        path = folder / self.train
-        return path if path.is_file() else find_file(Path(self.train), "trains")
+        return named_in_file(self.train, folder, "trains")
 
 
 class FaultRow(BaseModel):

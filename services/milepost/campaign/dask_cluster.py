@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import warnings
 from collections.abc import Sequence
 from importlib.util import find_spec
 from typing import Any
@@ -33,7 +34,10 @@ def on_dask(address: str) -> Executor:
 
 def _run(address: str, tasks: Sequence[Task], progress: Progress, finished: Finished[Figures]) -> None:
     from distributed import as_completed
+    from distributed.versions import VersionMismatchWarning
 
+    # each worker refuses a run for which its versions are wrong; others need not be the same
+    warnings.simplefilter("ignore", VersionMismatchWarning)
     # what is lost on the way is the scheduler's business until it gives a run up, and then an error here
     for name in LOGGERS:
         logging.getLogger(name).setLevel(logging.CRITICAL)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import sys
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
@@ -18,6 +19,8 @@ from milepost.config.yaml_files import read_yaml
 # the packages on which the figures of a run do not depend; of this one they depend on what measures
 ABOVE = ("cli", "campaign", "evaluation", "checks", "runtime", "deploy")
 MEASURING = ("measure.py", "watch.py")
+# another minor version of Python may round otherwise: `sum` of floats does since 3.12
+PYTHON = sys.version_info[:2]
 DIGITS = 16
 
 
@@ -29,8 +32,8 @@ def digest(content: Any) -> str:
 
 @cache
 def code_fingerprint() -> str:
-    """A hash of the source files on which a run's figures depend, and of numpy's version."""
-    whole = hashlib.sha256(np.__version__.encode())
+    """A hash of the source files on which a run's figures depend, and of the versions of Python and numpy."""
+    whole = hashlib.sha256(f"{PYTHON} {np.__version__}".encode())
     for name, path in _sources():
         whole.update(name.encode() + b"\0" + path.read_bytes())
     return whole.hexdigest()[:DIGITS]

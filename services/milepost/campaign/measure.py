@@ -5,11 +5,13 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from milepost.checks.requirements import subset_041_reach_m
+from milepost.checks.published import Array, Flags
+from milepost.checks.requirements import subset_041_position
 
 from .watch import Said, Seen, Watch
 
@@ -102,7 +104,7 @@ def _interval(epochs: Sequence[Epoch]) -> dict[str, Any]:
         "position_half_width_max_m": float(position.max()) if len(position) else None,
         "speed_half_width_median_mps": _median(speed),
         "speed_half_width_max_mps": float(speed.max()) if len(speed) else None,
-        "subset_041_epochs": sum(_keeps_subset_041(e, epochs[0].position_m) for e in epochs),
+        **_subset_041(epochs),
         "statuses_epochs": dict(sorted(Counter(e.state.status for e in epochs).items())),
     }
 
@@ -111,12 +113,35 @@ def _median(values: Any) -> float | None:
     return float(np.median(values)) if len(values) else None
 
 
-def _keeps_subset_041(epoch: Epoch, first_m: float) -> bool:
-    """Whether over- and under-reading keep the limit; before the first balise the distance is that since the first epoch."""
-    state = epoch.state
-    since_m = state.since_m if state.since_m is not None else abs(state.position_m - first_m)
-    reach_m = max(state.position_max_m - state.position_m, state.position_m - state.position_min_m)
-    return bool(reach_m <= subset_041_reach_m(since_m))
+@dataclass(frozen=True)
+class _Columns:
+    """The epochs of a run as the checks look at them."""
+
+    states: Array
+    truth: Array
+    bounds: Array
+    since_balise_m: Array
+    location_accuracy_m: Array
+    lost: Flags
+    accuracy: Array | None = None
+    steps_m: Array | None = None
+    stamps_s: Array | None = None
+
+
+def _subset_041(epochs: Sequence[Epoch]) -> dict[str, int]:
+    """How many epochs the check of SUBSET-041's position applies to, and in how many of these the interval is permitted."""
+    seen = [e.state for e in epochs]
+    columns = _Columns(
+        np.array([(s.position_m, s.speed_mps, 0.0) for s in seen]).reshape(-1, 3),
+        np.array([(e.position_m, e.speed_mps, 0.0) for e in epochs]).reshape(-1, 3),
+        np.array([(s.position_min_m, s.position_max_m, s.speed_min_mps, s.speed_max_mps) for s in seen]).reshape(-1, 4),
+        np.array([math.nan if s.since_m is None else s.since_m for s in seen]),
+        np.array([s.location_accuracy_m for s in seen]),
+        np.array([s.status == "lost" for s in seen], dtype=bool),
+    )
+    found = subset_041_position(columns)
+    within = found.available if found is not None and found.available is not None else np.zeros(0, dtype=bool)
+    return {"subset_041_due_epochs": len(within), "subset_041_epochs": int(within.sum())}
 
 
 def _errors(epochs: Sequence[Epoch], when: str) -> dict[str, Any]:
@@ -152,12 +177,13 @@ def _largest(times: Sequence[float | None]) -> float | None:
 
 
 def _innocents(epochs: Sequence[Epoch], innocents: Sequence[str]) -> dict[str, Any]:
-    """Exclusions of units without a fault: epochs, how often one began, and which units with which reasons."""
+    """Exclusions of units without a fault that are heard: epochs, how often one began, and which units with which reasons."""
     counted: dict[str, dict[str, Any]] = {}
     previous: set[str] = set()
     begun = 0
     for epoch in epochs:
-        now = {unit: reason for unit, reason in epoch.state.excluded if unit in innocents}
+        state = epoch.state
+        now = {unit: reason for unit, reason in state.excluded if unit in innocents and unit not in state.unheard}
         begun += len(now.keys() - previous)
         previous = set(now)
         for unit, reason in now.items():

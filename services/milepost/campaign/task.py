@@ -68,13 +68,15 @@ def run_task(task: Task, progress: Callable[[float], None]) -> Figures:
     Raises ConfigError where this machine has other code or other files than the task was made for, or a file is wrong.
     """
     path = find_file(Path(task.file), "trains")
+    if not path.is_file():
+        raise ConfigError(path, "", "a worker has no such file")
     if task.code != code_fingerprint():
-        raise ConfigError(path, "", "a worker has another version of Milepost or numpy than this command")
+        raise ConfigError(path, "", "a worker has another version of Milepost, Python or numpy than this command")
     if task.inputs != train_fingerprint(path):
         raise ConfigError(path, "", "a worker has another version of this train's files than this command")
     train = load_train(path, task.change, task.seed)
     entries = [FaultEntry.model_validate(fault) for fault in task.faults]
-    watch = Watch()
+    watch = Watch({balise.balise_id: balise.location_accuracy_m for balise in train.line.balises})
     try:
         simulate(train, task.duration_s, watch.tap, None, progress, entries)
     except (ConfigError, Cancelled):

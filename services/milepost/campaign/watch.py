@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -12,7 +13,11 @@ from milepost_schemas import BaliseTelegram, Event, FusedState, Truth
 
 
 class Seen(NamedTuple):
-    """A live state, in scenario time. `since_m`: distance since the last balise, None before the first."""
+    """A live state, in scenario time.
+
+    `excluded`: units and reasons, `unheard`: those of them that say nothing in time. `since_m`: distance since the last balise,
+    None before the first; `location_accuracy_m`: of its place on the line.
+    """
 
     position_m: float
     position_min_m: float
@@ -25,6 +30,8 @@ class Seen(NamedTuple):
     reset_m: float | None
     since_m: float | None
     doubted: tuple[str, ...] = ()
+    unheard: tuple[str, ...] = ()
+    location_accuracy_m: float = 0.0
 
 
 class Said(NamedTuple):
@@ -43,8 +50,12 @@ def scenario_s(at_ns: int) -> float:
 
 @dataclass
 class Watch:
-    """Live states and the truth (position m, speed m/s) by scenario time, warnings, and when which reader sent telegrams."""
+    """Live states and the truth (position m, speed m/s) by scenario time, warnings, and when which reader sent telegrams.
 
+    `accuracies_m`: how well the place of each balise is known.
+    """
+
+    accuracies_m: Mapping[str, float] = field(default_factory=dict)
     states: dict[float, Seen] = field(default_factory=dict)
     truth: dict[float, tuple[float, float]] = field(default_factory=dict)
     said: list[Said] = field(default_factory=list)
@@ -54,7 +65,7 @@ class Watch:
         """Take one message of the bus."""
         message = output.message
         if isinstance(message, FusedState):
-            self.states.setdefault(scenario_s(message.measured_at_ns), seen(message))
+            self.states.setdefault(scenario_s(message.measured_at_ns), seen(message, self.accuracies_m))
         elif isinstance(message, Truth):
             self.truth[scenario_s(message.measured_at_ns)] = message.position_m, message.speed_mps
         elif isinstance(message, BaliseTelegram):
@@ -63,7 +74,7 @@ class Watch:
             self.said.append(Said(scenario_s(now_ns), message.unit, message.code, message.text))
 
 
-def seen(state: FusedState) -> Seen:
+def seen(state: FusedState, accuracies_m: Mapping[str, float]) -> Seen:
     """What a campaign needs of a state."""
     reset = getattr(state, "reset", None)
     return Seen(
@@ -78,4 +89,6 @@ def seen(state: FusedState) -> Seen:
         None if reset is None else abs(reset.size_m),
         None if state.last_balise is None else state.last_balise.distance_since_m,
         tuple(getattr(state, "doubted", ())),
+        tuple(each.unit for each in state.excluded if each.says_nothing),
+        0.0 if state.last_balise is None else accuracies_m.get(state.last_balise.balise_id, 0.0),
     )

@@ -11,10 +11,10 @@ from typing import Any, get_args
 from pydantic.fields import FieldInfo
 
 from milepost.config.errors import ConfigError
-from milepost.config.mistakes import must_be_one_of, nearest
+from milepost.config.mistakes import must_be_one_of
 from milepost.runtime.bus import NoRouterError
 from milepost.runtime.chaos import NoAnswerError, send_command
-from milepost.simulation.faults import FAULTS, FaultEntry, FaultKind, reason_of
+from milepost.simulation.faults import FAULTS, FaultEntry, FaultKind, not_an_option, reason_of
 
 FLAGS = {"true": True, "yes": True, "false": False, "no": False}
 
@@ -79,8 +79,7 @@ def _options(row: FaultKind, typed: Sequence[str]) -> dict[str, Any]:
         word, given, value = left.pop(0).partition("=")
         name = word.removeprefix("--").replace("-", "_")
         if not word.startswith("--") or name not in known:
-            listed = ", ".join(_typed(other) for other in known) or "none"
-            raise ConfigError("inject", word, f"{row.name} has the options {listed}{nearest(word, map(_typed, known))}")
+            raise ConfigError("inject", "", not_an_option(row.name, word, _typed))
         if not given:
             if not left:
                 raise ConfigError("inject", word, "needs a value")

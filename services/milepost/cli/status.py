@@ -54,10 +54,13 @@ def _fields(state: FusedState, second: list[Change]) -> dict[str, Any]:
 
 
 def _line(state: FusedState) -> str:
-    excluded = ", ".join(f"{e.unit} ({e.reason})" for e in state.excluded)
+    wrong, unheard = (
+        ", ".join(f"{e.unit} ({e.reason})" for e in state.excluded if e.says_nothing == nothing) for nothing in (False, True)
+    )
     return (
         f"{state.train}: {state.status}: {state.position_m:.2f} m on {state.line} "
         f"[{state.position_min_m:.2f}, {state.position_max_m:.2f}], {state.speed_mps * 3.6:.2f} km/h"
-        + (f"; without {excluded}" if excluded else "")
+        + (f"; excluded: {wrong}" if wrong else "")
+        + (f"; not heard: {unheard}" if unheard else "")
         + (f"; one of {', '.join(state.doubted)} is wrong" if state.doubted else "")
     )

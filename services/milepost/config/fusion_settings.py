@@ -13,7 +13,7 @@ from milepost.fusion.hypotheses import Doubts, Suspect
 from milepost.fusion.shares import FixedShares, Shares, SharesByAccuracy, SharesBySpeed, SpeedRow
 from milepost.nodes.fuser_settings import FuserSettings
 from milepost.nodes.judges import UnitJudge
-from milepost.nodes.roster import UnitRow
+from milepost.nodes.unit_record import UnitRow
 from milepost_schemas import BY_NAME
 
 from .train import Train
@@ -102,5 +102,12 @@ def doubts(train: Train) -> Doubts:
     groups = (
         ((frozenset(unit for unit, _ in wheels), max(probability for _, probability in wheels)),) if len(wheels) > 1 else ()
     )
-    fusion = train.file.fusion
-    return Doubts(tuple(suspects), groups, fusion.false_alarms_per_hour, fusion.integrity_risk_per_hour)
+    fusion, motion = train.file.fusion, train.file.motion_model
+    return Doubts(
+        tuple(suspects),
+        groups,
+        fusion.false_alarms_per_hour,
+        fusion.integrity_risk_per_hour,
+        motion.hard_probability,
+        motion.hard_jerk_psd_m2ps5,
+    )

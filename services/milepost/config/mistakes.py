@@ -4,20 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import fields, is_dataclass
-from difflib import get_close_matches
 from typing import Any, Literal, get_args, get_origin
 
 from pydantic import BaseModel
 from pydantic_core import ErrorDetails
 
+from milepost.recordings.options import nearest as nearest
+
 UNKNOWN_KEY = ("extra_forbidden", "unexpected_keyword_argument")
 LONGEST_VALUE = 60
-
-
-def nearest(word: object, known: Iterable[str]) -> str:
-    """`; did you mean 'x'?` with the nearest known word; empty where no known word is similar."""
-    found = get_close_matches(str(word), list(known), n=1)
-    return f"; did you mean {found[0]!r}?" if found else ""
 
 
 def must_be_one_of(known: Iterable[str], value: object) -> str:

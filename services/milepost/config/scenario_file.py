@@ -5,16 +5,28 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, Field, model_validator
+from pydantic import BaseModel, BeforeValidator, Field, ValidationInfo, model_validator
 
 from milepost.recordings.options import STRICT, DataPath, Span
 from milepost.simulation.faults import FaultEntry
 from milepost_schemas.message import Name
 from milepost_schemas.reading import Solution
 
+from .shipped_files import named_in_file
 from .train import Train, load_train
 from .train_file import Positive
 from .yaml_files import ConfigError, merged, read_yaml, validate
+
+
+def _train_file(value: object, info: ValidationInfo) -> object:
+    """A train by name or by a path relative to the scenario file."""
+    if not isinstance(value, str):
+        return value
+    try:
+        return named_in_file(value, (info.context or {}).get("folder", Path()), "trains").resolve()
+    except ConfigError as error:
+        raise ValueError(str(error)) from error
+
 
 Builtin = Literal["fused", "federated", "centralised"]
 Window = list[Span] | Literal["creep"]
@@ -88,7 +100,7 @@ class ClaimFile(BaseModel):
 
 
 class ScenarioFile(BaseModel):
-    """An evaluation: a train, changes to its file, a duration, the estimators to compare, scores and claims.
+    """An evaluation: a train by name or file, changes to its file, a duration, the estimators to compare, scores and claims.
 
     `needs`: files without which the scenario is skipped. `seeds`: the largest number of seeds that differ. `faults`: of the
     units' sensors, the same for all estimators. `scores`: the key in the results → {`score`: a row of the table of scores,
@@ -98,7 +110,7 @@ class ScenarioFile(BaseModel):
     model_config = STRICT
     scenario: Name
     about: str = ""
-    train: DataPath
+    train: Annotated[Path, BeforeValidator(_train_file)]
     duration_s: Positive
     seed: Annotated[int, Field(ge=0)] = 1
     seeds: Annotated[int, Field(ge=1)] | None = None

@@ -39,6 +39,24 @@ def find_file(given: Path, kind: str) -> Path:
     raise ConfigError(given, "", f"neither a file nor one of the {kind}: {', '.join(names)}{suggestion}")
 
 
+def named_in_file(given: str, folder: Path, kind: str) -> Path:
+    """What a file in `folder` names: a path relative to the folder, or a bare name as `find_file` looks it up.
+
+    Raises ConfigError where neither is there, with the nearest name.
+    """
+    path = folder / given
+    if path.is_file():
+        return path
+    found = find_file(Path(given), kind)
+    if found.is_file() and found != Path(given):
+        return found
+    from .mistakes import nearest
+    from .yaml_files import ConfigError
+
+    beside = sorted(other.name for other in path.parent.glob("*.yaml"))
+    raise ConfigError(given, "", f"no such file{nearest(path.name, beside)}")
+
+
 def scenario_folder() -> Path:
     """The folder of all scenarios: the working folder's `deploy/scenarios` if there is one, else the shipped one."""
     return next((folder for folder in _folders("scenarios") if folder.is_dir()), shipped_folder() / "scenarios")

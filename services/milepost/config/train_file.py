@@ -5,8 +5,9 @@ from __future__ import annotations
 from itertools import pairwise
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, BaseModel, Discriminator, Field, Tag, model_validator
+from pydantic import AfterValidator, BaseModel, Discriminator, Field, Tag, field_validator, model_validator
 
+from milepost.fusion.hypotheses import MOTION_MODEL
 from milepost.fusion.rules import RULES
 from milepost.recordings.options import STRICT, DataPath
 from milepost_schemas.message import Name, PositionM, SpeedMps
@@ -108,10 +109,16 @@ class WorldFile(BaseModel):
 
 
 class MotionModelFile(BaseModel):
-    """The estimator's motion model: white jerk of this density."""
+    """The estimator's motion model: white jerk of this density.
+
+    `hard_jerk_psd_m2ps5` instead while the train moves harder, which it does at any moment with `hard_probability`; 0: never.
+    With 50 the acceleration changes by 4 m/s², more than adhesion allows, in 0.3 s.
+    """
 
     model_config = STRICT
     jerk_psd_m2ps5: Positive
+    hard_jerk_psd_m2ps5: Positive = 50.0
+    hard_probability: Annotated[float, Field(ge=0.0, lt=0.5)] = 1e-6
 
 
 class TrainFile(BaseModel):
@@ -126,3 +133,10 @@ class TrainFile(BaseModel):
     fusion: FusionFile = Field(default_factory=FusionFile)
     world: WorldFile | None = None
     units: Annotated[dict[Name, dict[str, Any]], Field(min_length=1)]
+
+    @field_validator("units")
+    @classmethod
+    def _no_name_of_ours(cls, units: dict[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:
+        if MOTION_MODEL in units:
+            raise ValueError(f"{MOTION_MODEL}: the fuser reports its motion model by this name")
+        return units

@@ -5,7 +5,7 @@ A local filter holds the common states and its own private block, the fuser hold
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -19,6 +19,7 @@ from .layout import N_COMMON, Array, Layout
 from .motion import full_process_noise, full_transition
 from .observation import Observation
 from .scalar import ScalarKernel
+from .scalar_private import PrivateScalarKernel
 from .timeline import Counters, Timeline
 
 
@@ -30,9 +31,11 @@ class Prior:
     std: Array
 
 
-def kernel_for(layout: Layout, jerk_psd: float) -> ScalarKernel | ArrayKernel:
+def kernel_for(layout: Layout, jerk_psd: float) -> ScalarKernel | PrivateScalarKernel | ArrayKernel:
     """The fastest kernel that holds this layout."""
-    return ScalarKernel(jerk_psd) if layout.dimension == N_COMMON else ArrayKernel(layout, jerk_psd)
+    if not layout.private:
+        return ScalarKernel(jerk_psd)
+    return PrivateScalarKernel(layout.private[0], jerk_psd) if len(layout.private) == 1 else ArrayKernel(layout, jerk_psd)
 
 
 class Estimator:
@@ -125,14 +128,6 @@ class Estimator:
         state = self._timeline.state_at(at_ns)
         return None if state is None else self.kernel.lists(state)
 
-    def withdraw(self, unit: str, since_ns: int) -> list[Observation]:
-        """Remove a unit's observations from `since_ns` on from the result, exactly."""
-        return self._timeline.withdraw(unit, since_ns)
-
-    def restore(self, observations: Iterable[Observation]) -> None:
-        """Put withdrawn observations back, exactly."""
-        self._timeline.restore(observations)
-
     def advance_to(self, now_ns: int) -> None:
         """Advance the time to `now_ns`: fold settled observations into the base."""
         self._timeline.advance_to(now_ns)
@@ -157,7 +152,8 @@ class Estimator:
         check_share(share)
         if len(mean) < self.layout.dimension:
             before = self.state_at(at_ns) or self.layout.prior(self._prior.mean, self._prior.std)
-            mean, covariance = replace_common(*before, np.array(mean), np.array(covariance))
+            # as lists: a kernel of plain numbers is slow with numpy's
+            mean, covariance = [a.tolist() for a in replace_common(*before, np.array(mean), np.array(covariance))]
         # everything that can fail comes first, so that refused feedback changes nothing
         state = self.kernel.shared(mean, covariance, share)
         if share != self._share:

@@ -58,9 +58,18 @@ def inverse_3x3(covariance: Array) -> Array:
     Raises numpy.linalg.LinAlgError where the block is not positive definite.
     """
     (a, b, c), (_, d, e), (_, _, f) = covariance[:N_COMMON, :N_COMMON].tolist()
+    return np.array(common_inverse(a, b, c, d, e, f))
+
+
+def common_inverse(a: float, b: float, c: float, d: float, e: float, f: float) -> list[list[float]]:
+    """The inverse of [[a, b, c], [b, d, e], [c, e, f]], by cofactors.
+
+    Raises numpy.linalg.LinAlgError where the matrix is not positive definite.
+    """
     df, bf, be = d * f - e * e, c * e - b * f, b * e - c * d
     determinant = a * df + b * bf + c * be
     if not (a > 0.0 and d > 0.0 and f > 0.0 and determinant > 0.0):
         raise np.linalg.LinAlgError("the common block is not positive definite")
-    ac, ae = a * f - c * c, b * c - a * e
-    return np.asarray(np.array([[df, bf, be], [bf, ac, ae], [be, ae, a * d - b * b]]) / determinant)
+    ac, ae, ad = a * f - c * c, b * c - a * e, a * d - b * b
+    cofactors = ((df, bf, be), (bf, ac, ae), (be, ae, ad))
+    return [[cofactor / determinant for cofactor in row] for row in cofactors]

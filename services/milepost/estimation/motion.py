@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from .layout import N_COMMON, Array, Layout
+from .layout import N_COMMON, Array, Layout, PrivateState
 
 
 def transition(dt_s: float) -> Array:
@@ -47,21 +47,24 @@ def full_transition(dt_s: float, layout: Layout) -> Array:
     matrix[0, 2] = 0.5 * dt_s * dt_s
     for i, state in enumerate(layout.private, N_COMMON):
         if state.time_constant_s < math.inf:
-            matrix[i, i] = math.exp(-dt_s / state.time_constant_s)
+            matrix[i, i] = private_step(state, dt_s)[0]
     return matrix
 
 
 def full_process_noise(dt_s: float, jerk_psd: float, layout: Layout) -> Array:
-    """The process noise over all states, shape (n, n).
-
-    A private state adds q T for a random walk, q τ/2 (1 - exp(-2T/τ)) for a first-order Markov state.
-    """
+    """The process noise over all states, shape (n, n)."""
     matrix = _with_process_noise(np.zeros((layout.dimension, layout.dimension)), dt_s, jerk_psd)
     for i, state in enumerate(layout.private, N_COMMON):
-        tau = state.time_constant_s
-        spread = dt_s if tau == math.inf else -0.5 * tau * math.expm1(-2.0 * dt_s / tau)
-        matrix[i, i] = state.noise_psd * spread
+        matrix[i, i] = private_step(state, dt_s)[1]
     return matrix
+
+
+def private_step(state: PrivateState, dt_s: float) -> tuple[float, float]:
+    """A private state's transition and process noise over T: exp(-T/τ) and q τ/2 (1 - exp(-2T/τ)); for a random walk 1, q T."""
+    tau = state.time_constant_s
+    if tau == math.inf:
+        return 1.0, state.noise_psd * dt_s
+    return math.exp(-dt_s / tau), state.noise_psd * (-0.5 * tau * math.expm1(-2.0 * dt_s / tau))
 
 
 # periodic sensors repeat a few intervals; aperiodic ones must not fill the memory

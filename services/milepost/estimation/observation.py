@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 
 # an observation that is stamped further ahead of now is refused
 FUTURE_NS = 500_000_000
+UNTIMELY = TOO_OLD, FROM_FUTURE = "too_old", "from_future"
 
 
 class Identity(NamedTuple):
@@ -55,8 +56,8 @@ class Observation(NamedTuple):
 def untimely(at_ns: int, boundary_ns: int, now_ns: int) -> str | None:
     """The reason for which something measured at `at_ns` is refused: before the boundary, or too far ahead of now."""
     if at_ns < boundary_ns:
-        return "too_old"
-    return "from_future" if at_ns > now_ns + FUTURE_NS else None
+        return TOO_OLD
+    return FROM_FUTURE if at_ns > now_ns + FUTURE_NS else None
 
 
 def rank(o: Observation) -> tuple[Any, ...]:

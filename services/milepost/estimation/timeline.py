@@ -8,7 +8,6 @@ is a function of the set of observations alone: the same bits for any order of a
 from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
-from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
@@ -126,28 +125,9 @@ class Timeline:
             self._knots[place] = observation
             self._valid = min(self._valid, place)
 
-    def withdraw(self, unit: str, since_ns: int) -> list[Observation]:
-        """Remove a unit's observations from `since_ns` on, as if they had never come. Returns them.
-
-        Observations that are folded into the base, older than the horizon, stay in it.
-        """
-        out = [knot for knot in self._knots if knot.unit == unit and knot.measured_at_ns >= since_ns]
-        if out:
-            kept = [knot for knot in self._knots if not (knot.unit == unit and knot.measured_at_ns >= since_ns)]
-            self._valid = min(self._valid, bisect_left(self._keys, out[0].place))
-            self._knots, self._keys = kept, [knot.place for knot in kept]
-            self._states = self._states[: self._valid] + [None] * (len(kept) - self._valid)
-        return out
-
-    def restore(self, observations: Iterable[Observation]) -> None:
-        """Insert withdrawn observations again, as if they had not been removed; those before the base stay out."""
-        for observation in observations:
-            if self._base_ns is None or observation.measured_at_ns > self._base_ns:
-                self._place(observation)
-
     def rebase(self, at_ns: int, state: Any) -> None:
         """Make `state` the belief at `at_ns`: it contains all observations until then; later ones are replayed on it."""
-        place = bisect_right(self._keys, at_ns, key=lambda key: key[0])
+        place = self._count_until(at_ns)
         self._drop(place)
         self._base, self._base_ns, self._rebased = state, at_ns, True
         self._states = [None] * len(self._knots)
@@ -155,7 +135,7 @@ class Timeline:
 
     def state_at(self, at_ns: int) -> Any | None:
         """The belief at a time, from all observations until then; None before the base. A side branch: it adds no knot."""
-        place = bisect_right(self._keys, at_ns, key=lambda key: key[0])
+        place = self._count_until(at_ns)
         if place:
             self._replay(place)
             state, from_ns = self._states[place - 1], self._keys[place - 1][0]
@@ -164,6 +144,11 @@ class Timeline:
         else:
             return None
         return self.kernel.advance(state, (at_ns - from_ns) * S_PER_NS) if at_ns > from_ns else state
+
+    def _count_until(self, at_ns: int) -> int:
+        """How many knots are at a time or before."""
+        # a tuple of a time alone sorts before all places at that time
+        return bisect_left(self._keys, (at_ns + 1,))
 
     def _replay(self, until: int) -> None:
         place = self._valid
@@ -191,7 +176,7 @@ class Timeline:
             self._forget()
         if len(self._keys) < PRUNE_AT_LEAST or self._keys[PRUNE_AT_LEAST - 1][0] >= self._boundary_ns:
             return
-        place = bisect_left(self._keys, self._boundary_ns, key=lambda key: key[0])
+        place = self._count_until(self._boundary_ns - 1)
         self._replay(place)
         state, at = self._states[place - 1], self._keys[place - 1][0]
         self._drop(place)

@@ -6,14 +6,14 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from milepost.estimation.layout import Array, Layout
+from milepost.estimation.layout import N_COMMON, Array, Layout
 from milepost.estimation.motion import Steps
 from milepost.estimation.observation import Observation
 
 from .bank_state import CHANNELS, Bank, Channel
 from .evidence import REPEATS, Flags, extended
 from .finding import Finding
-from .hypotheses import NOBODY, Doubts
+from .hypotheses import MOTION_MODEL, NOBODY, Doubts
 from .isolation import Isolation
 from .readings import Judge, Linear, Readings, said_by
 from .stack import Stack
@@ -37,6 +37,8 @@ class BankKernel:
         self._isolation = Isolation(layout, doubts)
         self._stack = Stack()
         self._steps = Steps(layout, jerk_psd)
+        # what the rows of a train that moves harder have more in the common states
+        self._harder = Steps(Layout(), max(0.0, doubts.hard_jerk_psd - jerk_psd))
 
     # --- beliefs in and out
 
@@ -49,8 +51,8 @@ class BankKernel:
         return self._begin(mean, covariance, {u: Verdict(j.restart()) for u, j in self._judges.items()}, 0)
 
     def _begin(self, mean: Array, covariance: Array, verdicts: dict[str, Verdict], since_ns: int | None) -> Bank:
-        for suspect in self.doubts.suspects:
-            verdicts.setdefault(suspect.unit, NEVER_HEARD)
+        for unit in (*self.doubts.by_unit, MOTION_MODEL):
+            verdicts.setdefault(unit, NEVER_HEARD)
         rows = self._isolation.rows(NOBODY)
         H, channels = len(rows.sets), CHANNELS * len(self.doubts.suspects)
         return Bank(
@@ -78,7 +80,10 @@ class BankKernel:
         """All hypotheses `dt_s` seconds later."""
         if state.since_ns is None:
             return state
-        return state.moved(*self._stack.predict(state.x, state.P, *self._steps.over(dt_s)))
+        x, P = self._stack.predict(state.x, state.P, *self._steps.over(dt_s))
+        if len(state.rows.hard):
+            P[state.rows.hard, :N_COMMON, :N_COMMON] += self._harder.over(dt_s)[1]
+        return state.moved(x, P)
 
     def take(self, state: Bank, observation: Observation) -> Bank:
         """All hypotheses after one observation, or after a whole reading."""

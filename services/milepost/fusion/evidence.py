@@ -53,8 +53,10 @@ def _scales(count: Any) -> tuple[Array, Array, Array, Array]:
 def extended(sums: Array, e: Array) -> Array:
     """The sums (7, H) over the windows, Σλᵏe and Σλᵏe², after one more normalised innovation e (H)."""
     out: Array = sums * FORGET
-    out[:M] += e
-    out[M:] += e * e
+    # `out[:M] += e` would copy the slice onto itself
+    means, squares = out[:M], out[M:]
+    means += e
+    squares += e * e
     return out
 
 

@@ -32,7 +32,7 @@ class Finding(NamedTuple):
         exceeded = bounds.exceeded(self.channel.sums, self.channel.readings)
         if self.stuck:
             return np.ones_like(self.uses)
-        if not exceeded.any() and self.far is None and self.struck is None:
+        if not np.count_nonzero(exceeded) and self.far is None and self.struck is None:
             return None
         out = exceeded.any(axis=0)
         for more in (self.far, self.struck):

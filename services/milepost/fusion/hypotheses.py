@@ -14,10 +14,14 @@ from .evidence import SECONDS_PER_HOUR, Flags, normal_reach, threshold
 
 Units = frozenset[str]
 NOBODY: Units = frozenset()
+NO_ALTERNATIVES: frozenset[Units] = frozenset()
 # a state's errors are the same for about so long: as many independent chances of being outside there are in an hour
 DECORRELATION_S = 10.0
 # where one cause explains all that is seen, another that is so much less likely is not considered
 PLAUSIBLE = 0.02
+# a suspect that says nothing: it lies where the train moves harder than its motion model says
+MOTION_MODEL = "motion-model"
+HARD: Units = frozenset((MOTION_MODEL,))
 
 
 class Suspect(NamedTuple):
@@ -42,20 +46,28 @@ class Doubts:
     """What is held possible, and the two budgets.
 
     `groups`: units that one cause makes lie together, and its probability. `false_alarms_per_hour`: of the whole train.
-    `risk_per_hour`: of the truth outside the published interval.
+    `risk_per_hour`: of the truth outside the published interval. `hard_motion_probability`: that the train moves harder than
+    its motion model says at any moment, 0: never; its rows are driven by white jerk of `hard_jerk_psd` (m²/s⁵).
     """
 
     suspects: tuple[Suspect, ...] = ()
     groups: tuple[tuple[Units, float], ...] = ()
     false_alarms_per_hour: float = 0.01
     risk_per_hour: float = 1e-4
+    hard_motion_probability: float = 0.0
+    hard_jerk_psd: float = 50.0
     by_unit: Mapping[str, Suspect] = field(init=False, repr=False, compare=False)
     threshold: float = field(init=False, repr=False, compare=False)
+    _causes: tuple[tuple[Units, float], ...] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "by_unit", {s.unit: s for s in self.suspects})
         rate = sum(s.readings_per_s for s in self.suspects)
         object.__setattr__(self, "threshold", threshold(self.false_alarms_per_hour, rate))
+        causes = [(frozenset((s.unit,)), s.fault_probability) for s in self.suspects] + list(self.groups)
+        if self.suspects and self.hard_motion_probability > 0.0:
+            causes.append((HARD, self.hard_motion_probability))
+        object.__setattr__(self, "_causes", tuple(causes))
 
     def sets(self, excluded: Units) -> tuple[dict[Units, float], dict[Units, float]]:
         """The hypotheses beside a set of excluded units, and the probability of each.
@@ -63,16 +75,24 @@ class Doubts:
         First just these, and one cause more (a unit, or a group); then two causes more, where both at once are likelier than
         the risk of a decorrelation time.
         """
-        causes = [(frozenset((s.unit,)), s.fault_probability) for s in self.suspects]
-        causes += self.groups
         single: dict[Units, float] = {excluded: 1.0}
         pairs: dict[Units, float] = {}
-        for units, p in causes:
-            single.setdefault(excluded | units, p)
-        for (one, p), (other, q) in combinations(causes, 2):
+        for units, p in self._causes:
+            # a common cause of these and of some that are excluded may be likelier
+            common = self.chance(excluded | units) / self.chance(excluded) if excluded else p
+            single.setdefault(excluded | units, min(1.0, max(p, common)))
+        for (one, p), (other, q) in combinations(self._causes, 2):
             if p * q > self.risk and excluded | one | other not in single:
                 pairs.setdefault(excluded | one | other, p * q)
         return single, pairs
+
+    def chance(self, units: Units) -> float:
+        """The probability that just these lie, by the likeliest causes that together are these."""
+        if not units:
+            return 1.0
+        first = min(units)
+        fitting = [(cause, p) for cause, p in self._causes if first in cause and cause <= units]
+        return max((p * self.chance(units - cause) for cause, p in fitting), default=0.0)
 
     @property
     def risk(self) -> float:
@@ -83,14 +103,18 @@ class Doubts:
 class Rows:
     """The rows of a bank: which units each leaves out, which it uses, and how far its interval reaches.
 
-    Row 0 leaves out `excluded` alone.
+    Row 0 leaves out `excluded` alone. `alternatives`: other explanations of why these were excluded, not refuted so far.
+    `hard`: the places of the rows for a train that moves harder than its motion model.
     """
 
-    def __init__(self, doubts: Doubts, excluded: Units) -> None:
-        self.doubts, self.excluded = doubts, excluded
+    def __init__(self, doubts: Doubts, excluded: Units, alternatives: frozenset[Units] = NO_ALTERNATIVES) -> None:
+        self.doubts, self.excluded, self.alternatives = doubts, excluded, alternatives
         single, pairs = doubts.sets(excluded)
+        for units in sorted(alternatives - single.keys(), key=sorted):
+            single[units] = doubts.chance(units) / doubts.chance(excluded)
         self.sets, self.chances = (*single, *pairs), np.array((*single.values(), *pairs.values()))
         self._single = np.arange(len(self.sets)) < len(single)
+        self.hard = np.flatnonzero([MOTION_MODEL in units for units in self.sets])
         self.places = {units: i for i, units in enumerate(self.sets)}
         self._uses: dict[str, Flags] = {}
         self._intervals: dict[bytes, tuple[Flags, NDArray[np.float64]]] = {}

@@ -9,15 +9,12 @@ from milepost.estimation.layout import N_COMMON, Array, Layout
 from .bank_state import CHANNELS, Bank, led, protected, recomposed
 from .evidence import Bounds, Flags, statistics
 from .finding import Finding
-from .hypotheses import Doubts, Rows, Units, sources
-from .verdicts import Exclusion, Reset
+from .hypotheses import MOTION_MODEL, NO_ALTERNATIVES, Doubts, Rows, Units, sources
+from .recovery import alternatives, hold_ns, revived, widened
+from .verdicts import Exclusion, Reset, Verdict
 
 # between hypotheses one of which is true, less evidence decides than against all units at once
 SOFT = 0.8
-# a refuted hypothesis is taken up again from row 0, if row 0 lives so long
-REVIVE_NS = 30_000_000_000
-# how long a unit must agree with the others before it counts again: twice as long after each relapse
-PROBATION_NS, LONGEST_PROBATION_NS = 1_000_000_000, 64_000_000_000
 
 
 class Isolation:
@@ -27,7 +24,7 @@ class Isolation:
         self._doubts, self._limit = doubts, doubts.threshold
         self._bounds, self._soft_bounds = Bounds(self._limit), Bounds(SOFT * self._limit)
         self._channels = {s.unit: CHANNELS * i for i, s in enumerate(doubts.suspects)}
-        self._kept: dict[Units, Rows] = {}
+        self._kept: dict[tuple[Units, frozenset[Units]], Rows] = {}
         own = {
             unit: slice(places[N_COMMON], places[-1] + 1) for unit, places in layout.indices.items() if len(places) > N_COMMON
         }
@@ -35,11 +32,11 @@ class Isolation:
         spread = self._limit * np.sqrt(np.diagonal(std))
         self._priors = {unit: (places, mean[places], spread[places]) for unit, places in own.items()}
 
-    def rows(self, excluded: Units) -> Rows:
-        """The rows beside a set of excluded units."""
-        rows = self._kept.get(excluded)
+    def rows(self, excluded: Units, alternatives: frozenset[Units] = NO_ALTERNATIVES) -> Rows:
+        """The rows beside a set of excluded units, and the other explanations that are still held."""
+        rows = self._kept.get((excluded, alternatives))
         if rows is None:
-            rows = self._kept[excluded] = Rows(self._doubts, excluded)
+            rows = self._kept[excluded, alternatives] = Rows(self._doubts, excluded, alternatives)
         return rows
 
     def channel(self, unit: str) -> int:
@@ -57,7 +54,9 @@ class Isolation:
         if fired is None or not fired.any():
             if unit in state.rows.excluded:
                 state = self._probation(state, finding)
-            return self._revived(state, at_ns) if any(state.dead_ns) and state.alive[0] else state
+            if MOTION_MODEL in state.rows.excluded:
+                state = self._motion_probation(state, at_ns)
+            return revived(state, at_ns) if any(state.dead_ns) and state.alive[0] else state
         alive = state.alive & ~fired
         # where the leading row stands, the evidence is that against the row most refuted
         told = state.leader if fired[state.leader] else int(np.argmax(np.where(fired, finding.worst(), -np.inf)))
@@ -117,8 +116,12 @@ class Isolation:
         old, units = state.rows, state.rows.sets[row]
         seen = _innovations(state, 0 if before.alive[0] else row)
         state = led(before, state, row, why.at_ns, "excluded: " + ", ".join(sorted(units - old.excluded)))
-        new = self.rows(units)
+        new = self.rows(units, alternatives(state, units))
         out = recomposed(state, new, sources(new, old, state.alive, lambda s: (s,), row))
+        for unit in old.excluded - units:
+            # what it was excluded for is explained otherwise
+            verdict = out.verdicts[unit]
+            out = out.judged(unit, verdict._replace(excluded=None, relapses=max(0, verdict.relapses - 1)))
         if before.alive[0] and why.sudden:
             for unit in units - old.excluded:
                 out = self._recalled(before, out, unit)
@@ -129,7 +132,7 @@ class Isolation:
 
         Without correlation with the common states, which never heard it. What a slow liar has taught row 0 is not kept.
         """
-        if not self._doubts.by_unit[unit].slips or unit not in self._priors:
+        if unit not in self._priors or not self._doubts.by_unit[unit].slips:
             return state
         places = self._priors[unit][0]
         own = list(range(places.start, places.stop))
@@ -144,8 +147,10 @@ class Isolation:
         """Note why units are excluded, each by its own last innovation `nu` (channels); their tests begin again."""
         verdicts = dict(state.verdicts)
         for unit in units:
-            earlier, slips = verdicts[unit], self._doubts.by_unit[unit].slips
-            own = why._replace(innovation=nu[self._channels[unit]], slips=slips)
+            earlier = verdicts[unit]
+            own = why
+            if unit in self._channels:
+                own = why._replace(innovation=nu[self._channels[unit]], slips=self._doubts.by_unit[unit].slips)
             verdicts[unit] = earlier._replace(
                 excluded=own, probation_ns=why.at_ns, agreed=0, relapses=earlier.relapses + 1, refused=None
             )
@@ -158,11 +163,7 @@ class Isolation:
         best = int(np.flatnonzero(before.alive)[0])
         (low, high), (slow, fast) = protected(before)
         units = old.sets[best] | {unit}
-        wide = before.P[best].copy()
-        for place, half in ((0, 0.5 * (high - low)), (1, 0.5 * (fast - slow))):
-            factor = max(1.0, (half / self._limit) ** 2 / max(wide[place, place], 1e-300)) ** 0.5
-            wide[place] *= factor
-            wide[:, place] *= factor
+        wide = widened(before, best, self._limit)
         new = self.rows(units)
         out = recomposed(before, new, [best] * len(new.sets))
         out = out._replace(
@@ -176,6 +177,7 @@ class Isolation:
         """Readmit an excluded unit that has agreed with the leading hypothesis for long enough."""
         unit, at_ns = finding.unit, finding.at_ns
         verdict, suspect = state.verdicts[unit], self._doubts.by_unit[unit]
+        verdict = verdict.watched(at_ns, float(finding.channel.sums[0, state.leader]))
         if finding.worst()[state.leader] > SOFT * SOFT * self._limit:
             why = self._why(state, finding, state.leader)
             state = self._fresh(state, unit)
@@ -185,29 +187,32 @@ class Isolation:
                 verdict = verdict._replace(excluded=why._replace(at_ns=earlier.at_ns))
             return state.judged(unit, verdict._replace(probation_ns=at_ns, agreed=0))
         agreed = verdict.agreed + 1
-        hold_ns = min(LONGEST_PROBATION_NS, PROBATION_NS << min(verdict.relapses - 1, 10))
-        if agreed < suspect.hold or at_ns - verdict.probation_ns < hold_ns or not state.alive[0]:
+        if agreed < suspect.hold or at_ns - verdict.probation_ns < hold_ns(verdict) or not state.alive[0]:
             return state.judged(unit, verdict._replace(agreed=agreed))
-        old = state.rows
-        new = self.rows(old.excluded - {unit})
-        out = recomposed(state, new, sources(new, old, state.alive, lambda s: (s | {unit},), state.leader))
-        out = self._fresh(out, unit)
         counted_ns = at_ns if verdict.refused is None else verdict.counted_ns
-        return out.judged(unit, out.verdicts[unit]._replace(excluded=None, agreed=0, counted_ns=counted_ns))
+        return self._readmitted(state, unit, verdict._replace(agreed=0, counted_ns=counted_ns))
+
+    def _motion_probation(self, state: Bank, at_ns: int) -> Bank:
+        """Take the motion model up again after its probation; where the train still moves harder, it is refuted again."""
+        verdict = state.verdicts[MOTION_MODEL]
+        if at_ns - verdict.probation_ns < hold_ns(verdict) or not state.alive[0]:
+            return state
+        return self._readmitted(state, MOTION_MODEL, verdict)
+
+    def _readmitted(self, state: Bank, unit: str, verdict: Verdict) -> Bank:
+        """Every row continues the one without the unit."""
+        old, units = state.rows, state.rows.excluded - {unit}
+        new = self.rows(units, alternatives(state, units))
+        out = recomposed(state, new, sources(new, old, state.alive, lambda s: (s | {unit}, s), state.leader))
+        return self._fresh(out, unit).judged(unit, verdict._replace(excluded=None, noise=out.verdicts[unit].noise))
 
     def _fresh(self, state: Bank, unit: str) -> Bank:
         """The tests of a unit begin again."""
-        place = self._channels[unit]
+        place = self._channels.get(unit)
+        if place is None:
+            return state
         fresh = tuple(channel.fresh() for channel in state.channels[place : place + CHANNELS])
         return state._replace(channels=(*state.channels[:place], *fresh, *state.channels[place + CHANNELS :]))
-
-    def _revived(self, state: Bank, at_ns: int) -> Bank:
-        due = [bool(d) and at_ns - d > REVIVE_NS for d in state.dead_ns]
-        if not any(due):
-            return state
-        index = [0 if d else i for i, d in enumerate(due)]
-        dead = tuple(0 if d else ns for d, ns in zip(due, state.dead_ns, strict=True))
-        return state.of(index)._replace(alive=state.alive | np.array(due), dead_ns=dead)
 
 
 def _innovations(state: Bank, row: int) -> list[float]:

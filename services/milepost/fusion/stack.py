@@ -25,7 +25,9 @@ class Stack:
         """x ← F x, P ← F P Fᵀ + Q; F (n, n), Q (n, n)."""
         first, second = self._between(P)
         np.matmul(F, P, out=first)
-        np.matmul(first, F.T, out=second)
+        # the rows of all beliefs in one product
+        n = len(F)
+        np.matmul(first.reshape(-1, n), F.T, out=second.reshape(-1, n))
         return x @ F.T, second + Q
 
     def innovations(self, x: Array, P: Array, h: Array, z: Any, R: Any) -> tuple[Array, Array, Array]:
@@ -46,11 +48,11 @@ class Stack:
         g, S, nu = innovations
         A, more = self._between(P)
         K = (taken / S)[:, None] * g
-        np.multiply(K[:, :, None], g[:, None, :], out=A)
+        np.matmul(K[:, :, None], g[:, None, :], out=A)
         np.subtract(P, A, out=A)
         Ah = A @ h if h.ndim == 1 else (A @ h[:, :, None])[:, :, 0]
         B = (R if isinstance(R, float) else R[:, None]) * K - Ah
-        np.multiply(B[:, :, None], K[:, None, :], out=more)
+        np.matmul(B[:, :, None], K[:, None, :], out=more)
         A += more
         out = A + A.transpose(0, 2, 1)
         out *= 0.5

@@ -7,10 +7,17 @@ from typing import Any, NamedTuple
 
 from milepost.estimation.noise.learner import Learned, continued
 
+from .course import Course
 from .evidence import KINDS, OUT_OF_RANGE, SHORT, STUCK, window_of
 
 # a wheel whose speed differs from the train's by this part slips
 SLIP_RATIO = 0.02
+# what is said of a unit at first, and what its course may show it to be instead
+SHOWN = {
+    "jumping": ("drifting", "intermittent"),
+    "biased": ("drifting", "intermittent"),
+    "noisy": ("biased", "drifting", "intermittent"),
+}
 
 
 class Exclusion(NamedTuple):
@@ -72,8 +79,8 @@ class Verdict(NamedTuple):
     no reading counts at present. `refused`: the reason for which the last reading did not count. `memory` is immutable.
     `excluded`: why the unit is left out; `probation_ns`: since when it agrees again, with `agreed` readings; `relapses`: how
     often it was excluded. `said`, `repeats`: what it said last, and how often in a row before. `odd_ns`: the
-    times of the last readings that were refused by themselves. `noise`: what each hypothesis learned from each component of
-    its readings.
+    times of the last readings that were refused by themselves. `course`: what it does while it is excluded. `noise`: what
+    each hypothesis learned from each component of its readings.
     """
 
     memory: Any
@@ -88,8 +95,38 @@ class Verdict(NamedTuple):
     said: Any = None
     repeats: int = 0
     odd_ns: tuple[int, ...] = ()
+    course: Course = Course()
     noise: tuple[Learned, ...] = ()
 
     def continued(self, index: list[int]) -> Verdict:
         """The verdict with the noise of other rows, each the continuation of the row `index`."""
         return self._replace(noise=tuple(n._replace(memory=continued(n.memory, index)) for n in self.noise))
+
+    @property
+    def kind(self) -> str | None:
+        """What an excluded unit does: what its course shows, else what excluded it; None where it is not excluded."""
+        if self.excluded is None:
+            return None
+        return self._shown.kind if self._shown is not None else self.excluded.kind
+
+    @property
+    def evidence(self) -> str:
+        """The evidence of that in words."""
+        if self.excluded is None:
+            return ""
+        return self._shown.evidence if self._shown is not None else self.excluded.evidence
+
+    @property
+    def _shown(self) -> Course | None:
+        """The course, where it tells better than the test that excluded the unit."""
+        if self.excluded is None:
+            return None
+        course = self.course.excluded(self.excluded.at_ns, self.excluded.sudden)
+        return course if course.kind in SHOWN.get(self.excluded.kind, ()) else None
+
+    def watched(self, at_ns: int, e: float) -> Verdict:
+        """The verdict on an excluded unit after its innovation e, in σ of the hypothesis that leads."""
+        if self.excluded is None:
+            return self
+        course = self.course.excluded(self.excluded.at_ns, self.excluded.sudden)
+        return self._replace(course=course.heard(at_ns, e))

@@ -42,7 +42,8 @@ class Wrapped(Node):
 
     def next_tick_ns(self) -> int | None:
         """The earlier of the next delayed message and the inner node's next tick."""
-        return min((at for at in (self._link.next_ns(), self.inner.next_tick_ns()) if at is not None), default=None)
+        late_ns, own_ns = self._link.next_ns(), self.inner.next_tick_ns()
+        return own_ns if late_ns is None else late_ns if own_ns is None else min(late_ns, own_ns)
 
     def continue_numbering(self, earlier: Node) -> None:
         """Continue the numbers of the inner node, which sends."""
@@ -109,7 +110,7 @@ class FaultySensor(Wrapped):
         except ValidationError as error:
             refused = self.inner.refuse("invalid_reading", f"{self.unit}: {reason_of(error)}", now_ns)
             return [(event, 0.0) for event in refused]
-        return [(output._replace(message=message), delay_s) for message, delay_s in sent]
+        return [(Output(output.stream, output.unit, message), delay_s) for message, delay_s in sent]
 
 
 def fault_of(command: FaultCommand, from_s: float) -> FaultEntry:

@@ -11,7 +11,7 @@ from pydantic import ValidationError
 
 from milepost.estimation.filters.base import LocalFilter
 from milepost.estimation.layout import N_COMMON
-from milepost.estimation.observation import FUTURE_NS, Observation
+from milepost.estimation.observation import FUTURE_NS, UNTIMELY, Observation
 from milepost.sensors.base import Sensor
 from milepost.sensors.observed import Belief, Observed
 from milepost_schemas import Estimate, Feedback, Message
@@ -25,6 +25,8 @@ LEAST_SHARE = 1e-6
 FARTHEST_MEAN, LARGEST_VARIANCE = 1e9, 1e15
 FORGET_AT_LEAST = 2048
 KEPT_READINGS = 64
+# how often the fuser is told of readings that come too late or too early
+TELL_NS = 500_000_000
 UNUSABLE = (ArithmeticError, np.linalg.LinAlgError, ValidationError)
 
 
@@ -49,6 +51,7 @@ class FilterNode(Node):
         learns = local.learner(local.options) is not None
         self._sends_readings = learns or sensor.needs_belief or self._observer is not sensor
         self._unsent: deque[dict[str, Any]] = deque(maxlen=KEPT_READINGS)
+        self._told_ns: int | None = None
         self._moments: set[int] = set()
         self._forget_at = FORGET_AT_LEAST
         self._filter = local
@@ -107,6 +110,8 @@ class FilterNode(Node):
             reason = "duplicate"
         if reason is not None:
             yield from self.refuse_reading(self.unit, reading.sequence, reading.instance, reason, now_ns)
+            if reason in UNTIMELY:
+                yield from self._tell(reading, reason, now_ns)
             return
         sent = self._sequences.get("estimate", 0)
         try:
@@ -122,16 +127,22 @@ class FilterNode(Node):
         if estimate is not None:
             yield Output("estimate", self.unit, estimate)
 
+    def _tell(self, reading: Message, reason: str, now_ns: int) -> Iterable[Output]:
+        """An estimate without anything new, so that the fuser knows that the unit is heard, and how late."""
+        state = self._estimator.lists_at(self._latest_ns) if self._latest_ns else None
+        if state is not None and (self._told_ns is None or now_ns - self._told_ns >= TELL_NS):
+            self._told_ns = now_ns
+            self._unsent.append(as_judged(reading, False, reason))
+            yield Output("estimate", self.unit, self._estimate([], *state, now_ns))
+
     def _estimated(self, reading: Message, now_ns: int) -> tuple[Estimate | None, list[str]]:
         """The estimate after a reading, and the reasons for which observations of it are refused. Raises UNUSABLE."""
         belief = self._estimator.belief_at(reading.measured_at_ns) if self._needs_belief else None
         observed = self._observer.observe(reading, None if belief is None else Belief(*belief))
         self._note_moment(reading.measured_at_ns)
-        offered = of_reading(reading, self._order, observed)
-        offered += of_reading(reading, self._order, self._restored, RESTORED_COMPONENT)
-        self._restored = ()
-        counted, refused = self._filter.take(offered[: len(observed)], now_ns, known=offered[len(observed) :])
-        if offered and not counted:
+        offered, known = of_reading(reading, self._order, observed), self._take_restored(reading)
+        counted, refused = self._filter.take(offered, now_ns, known)
+        if (offered or known) and not counted:
             return None, refused
         self._latest_ns = max(self._latest_ns, reading.measured_at_ns)
         state = self._estimator.lists_at(self._latest_ns)
@@ -140,6 +151,13 @@ class FilterNode(Node):
             self._unsent.append(as_judged(reading, bool(observed), observer.refused, observer.gating is not None))
         # without a belief there is no estimate yet: a refused reading is sent with the first one
         return None if state is None else self._estimate(counted, *state, now_ns), refused
+
+    def _take_restored(self, reading: Message) -> list[Observation]:
+        """The stored calibration as observations beside the first reading's; none beside later ones."""
+        if not self._restored:
+            return []
+        known, self._restored = of_reading(reading, self._order, self._restored, RESTORED_COMPONENT), ()
+        return known
 
     def _note_moment(self, moment_ns: int) -> None:
         self._moments.add(moment_ns)

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 
-from milepost.estimation.observation import FUTURE_NS, Observation
+from milepost.estimation.observation import FUTURE_NS, UNTIMELY, Observation
 from milepost.fusion.rule import Fused, LocalBelief
 from milepost.fusion.rules import RULES
 from milepost.track.line import Line
@@ -124,7 +124,8 @@ class FuserNode(Node):
         except ValueError as error:
             yield from self.refuse("other_layout", str(error), now_ns)
             return
-        if not observations and abs(estimate.measured_at_ns - now_ns) <= self._settings.horizon_ns:
+        untimely = any(reading.why in UNTIMELY for reading in estimate.readings)
+        if not observations and not untimely and abs(estimate.measured_at_ns - now_ns) <= self._settings.horizon_ns:
             self._roster.arrived(estimate.unit, estimate.measured_at_ns, now_ns)
         if len(reasons) > len(observations):
             yield from self.refuse(
@@ -133,9 +134,7 @@ class FuserNode(Node):
         for observation, reason in zip(observations, reasons, strict=False):
             yield from self._noted(observation, reason, now_ns)
         taken = {o.measured_at_ns for o, reason in zip(observations, reasons, strict=False) if reason is None}
-        if judge is None:
-            taken |= {reading.measured_at_ns for reading in estimate.readings if not reading.counts}
-        note_judgements(self._roster, estimate, [row for row in rows if row.measured_at_ns in taken], taken)
+        note_judgements(self._roster, estimate, rows, taken, judge is not None, now_ns)
 
     def _take_fix(self, fix: AbsoluteFix, now_ns: int) -> Iterable[Output]:
         order = self._orders.get(fix.reader)
@@ -153,10 +152,12 @@ class FuserNode(Node):
         yield from self._noted(observation, reason, now_ns)
 
     def _noted(self, observation: Observation, reason: str | None, now_ns: int) -> Iterable[Output]:
+        at = observation.measured_at_ns
         if reason is not None:
+            if reason in UNTIMELY:
+                self._roster.arrived(observation.unit, at, now_ns, untimely=True)
             yield from self.refuse_reading(observation.unit, observation.sequence, observation.instance, reason, now_ns)
             return
-        at = observation.measured_at_ns
         self._roster.arrived(observation.unit, at, now_ns)
         self._earliest_ns = at if self._earliest_ns is None else min(self._earliest_ns, at)
         self._latest_ns = max(self._latest_ns, at)
@@ -210,7 +211,7 @@ class FuserNode(Node):
             return
         fused, presence = made
         self._fused_before = fused
-        for severity, code, text in self._decisions.news(fused):
+        for severity, code, text in self._decisions.news(fused, presence, epoch_ns):
             yield self.event(severity, code, text, now_ns)
         since_ns = max(fused.since_ns, self._resumed_ns)
         head = self.head("state", epoch_ns, now_ns)

@@ -11,7 +11,7 @@ from milepost.fusion.hypotheses import Doubts
 from milepost.fusion.shares import Shares
 
 from .judges import UnitJudge
-from .roster import UnitRow
+from .unit_record import UnitRow
 
 
 @dataclass(frozen=True)

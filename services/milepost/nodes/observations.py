@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
-from milepost.estimation.observation import Observation
+from milepost.estimation.observation import UNTIMELY, Observation
 from milepost.sensors.observed import Observed
 from milepost_schemas import AbsoluteFix, Estimate, Message, from_fields
 
@@ -48,6 +48,8 @@ def whole_readings(estimate: Estimate, order: int, message: type[Message], rows:
     """
     out = []
     for r in estimate.readings:
+        if r.why in UNTIMELY:
+            continue  # it only tells that the unit is heard
         head = {"train": estimate.train, "unit": estimate.unit, "instance": r.sensor_instance, "sequence": r.reading_sequence}
         times = {"measured_at_ns": r.measured_at_ns, "published_at_ns": estimate.published_at_ns}
         reading = from_fields({**r.fields, **head, **times}, message)

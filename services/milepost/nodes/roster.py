@@ -2,103 +2,36 @@
 
 from __future__ import annotations
 
-from bisect import bisect_left, bisect_right, insort
+from bisect import bisect_right, insort
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from milepost.estimation.observation import Observation
 from milepost.estimation.time_units import S_PER_NS
+from milepost.fusion.hypotheses import MOTION_MODEL
 from milepost.fusion.shares import Shares
 from milepost.fusion.verdicts import Verdict
 
-STALE_NS = 1_000_000_000
-# the window over which a unit's information is summed; twice its period where that is longer, so that it holds a reading
-WINDOW_NS = 1_000_000_000
+from .unit_record import UnitRecord, UnitRow
+from .working_states import EXCEEDED, GONE, LATE, SILENT, reason_not_in_use
+
 # the variances before the first fused state: all units then have the same information
 UNKNOWN = (0.0, 0.0, 0.0)
 KEPT_TIMES = 4096
-
-
-@dataclass(frozen=True, slots=True)
-class UnitRow:
-    """A unit's row in the train file, `order` from 0.
-
-    `period_ns` None: never due. `fused`: a filter speaks for it. `latency_ns`: from the time at which a reading is true to the
-    time at which the sensor can send it.
-    """
-
-    unit: str
-    order: int
-    period_ns: int | None
-    fused: bool
-    latency_ns: int = 0
-
-
-@dataclass(slots=True)
-class _Unit:
-    """The record of a unit.
-
-    `times` of the readings that count; `refusals` (time, reason, whether gating); `recent` h²/R of [s, v, a] of the rows at
-    `recent_ns`.
-    """
-
-    row: UnitRow
-    times: list[int] = field(default_factory=list)
-    refusals: list[tuple[int, str, bool]] = field(default_factory=list)
-    recent_ns: list[int] = field(default_factory=list)
-    recent: tuple[list[float], list[float], list[float]] = field(default_factory=lambda: ([], [], []))
-    arrived_ns: int = 0
-    punctual: bool = True
-    gone: set[str] = field(default_factory=set)
-
-    window_ns: int = field(init=False)
-    stale_ns: int = field(init=False)
-
-    def __post_init__(self) -> None:
-        period_ns = self.row.period_ns or 0
-        self.window_ns, self.stale_ns = max(WINDOW_NS, 2 * period_ns), max(STALE_NS, 3 * period_ns)
-
-    def verdict_at(self, at_ns: int) -> Verdict:
-        """The verdict by the filter's judgements: the last reading that counts, and the last refusal after it."""
-        place = bisect_right(self.times, at_ns)
-        counted_ns = self.times[place - 1] if place else None
-        place = bisect_right(self.refusals, at_ns, key=_time)
-        if not place:
-            return Verdict(None, counted_ns, counted_ns)
-        heard_ns, why, gating = self.refusals[place - 1]
-        if counted_ns is not None and counted_ns >= heard_ns:
-            return Verdict(None, counted_ns, counted_ns)
-        return Verdict(None, heard_ns, counted_ns, why if gating else None, why)
-
-    def information(self, at_ns: int, variances: Sequence[float]) -> float:
-        """The information J = Σ h P hᵀ/R over the window, per second."""
-        window_ns = self.window_ns
-        first, last = bisect_right(self.recent_ns, at_ns - window_ns), bisect_right(self.recent_ns, at_ns)
-        s, v, a = self.recent
-        P_ss, P_vv, P_aa = variances
-        total = P_ss * sum(s[first:last]) + P_vv * sum(v[first:last]) + P_aa * sum(a[first:last])
-        return total * WINDOW_NS / window_ns
-
-    def forget(self, before_ns: int) -> None:
-        """Drop what no epoch needs any more; the last time before stays, from which a silent unit's age follows."""
-        del self.times[: max(0, bisect_left(self.times, before_ns) - 1)]
-        del self.refusals[: max(0, bisect_left(self.refusals, before_ns, key=_time) - 1)]
-        place = bisect_left(self.recent_ns, before_ns - self.window_ns)
-        for column in (self.recent_ns, *self.recent):
-            del column[:place]
-
-
-def _time(entry: tuple[int, str, bool]) -> int:
-    return entry[0]
+FORGET_EVERY_NS = 1_000_000_000
 
 
 @dataclass(frozen=True, slots=True)
 class Presence:
-    """The units at an epoch: ages in seconds and shares of those in use, reasons of the excluded ones."""
+    """The units at an epoch: ages in seconds and shares of those in use, reasons of the excluded ones.
+
+    `behind_s`: how late the last reading of each excluded unit came that is late.
+    """
 
     ages_s: Mapping[str, float]
     shares: Mapping[str, float]
     excluded: Mapping[str, str]
+    behind_s: Mapping[str, float] = field(default_factory=dict)
 
 
 class Roster:
@@ -109,9 +42,10 @@ class Roster:
     """
 
     def __init__(self, rows: list[UnitRow], shares: Shares, deadline_ns: int) -> None:
-        self._units = {row.unit: _Unit(row) for row in rows}
+        self._units = {row.unit: UnitRecord(row) for row in rows}
         self._shares = shares
         self._deadline_ns = deadline_ns
+        self._forgotten_ns = 0
 
     @property
     def follows_state(self) -> bool:
@@ -142,11 +76,14 @@ class Roster:
         for column, h in zip(record.recent, observation.row, strict=False):
             column.insert(place, h * h / R)
 
-    def arrived(self, unit: str, measured_at_ns: int, now_ns: int) -> None:
-        """Note that a reading arrived, whether or not it counts."""
+    def arrived(self, unit: str, measured_at_ns: int, now_ns: int, untimely: bool = False) -> None:
+        """Note that a reading arrived, whether or not it counts; `untimely`: too early or too late to be taken."""
         record = self._units[unit]
+        record.received_ns, record.behind_ns = now_ns, now_ns - measured_at_ns - record.row.latency_ns
+        if untimely:
+            return
         record.arrived_ns = max(record.arrived_ns, measured_at_ns)
-        if now_ns - measured_at_ns <= self._deadline_ns + record.row.latency_ns:
+        if record.behind_ns <= self._deadline_ns:
             record.punctual = True
 
     def process_alive(self, process: str, alive: bool) -> None:
@@ -196,24 +133,30 @@ class Roster:
         """
         ages: dict[str, float] = {}
         excluded: dict[str, str] = {}
+        behind: dict[str, float] = {}
         for name, unit in self._units.items():
             if live and unit.gone:
-                excluded[name] = "process gone"
+                excluded[name] = GONE
             elif not unit.row.fused:
                 reader = verdicts.get(name)
-                reason = reader and (reader.excluded.kind if reader.excluded is not None else reader.refused)
+                reason = reader and (reader.kind or reader.refused)
                 if reason:
                     excluded[name] = reason
             else:
                 verdict = verdicts.get(name) or unit.verdict_at(epoch_ns)
-                reason = _exclusion_reason(verdict, epoch_ns, unit.stale_ns)
-                if reason == "silent" and live and epoch_ns - unit.arrived_ns <= unit.stale_ns:
-                    reason = "no usable reading"
+                reason = reason_not_in_use(verdict, epoch_ns, unit.stale_ns)
+                if reason == SILENT and live:
+                    reason = unit.instead_of_silent(epoch_ns)
                 if reason is not None:
                     excluded[name] = reason
                 elif verdict.counted_ns is not None:
                     ages[name] = (epoch_ns - verdict.counted_ns) * S_PER_NS
-        return Presence(ages, self._shares_of(list(ages), epoch_ns, speed_mps, variances), excluded)
+                if reason == LATE:
+                    behind[name] = unit.behind_ns * S_PER_NS
+        motion = verdicts.get(MOTION_MODEL)
+        if motion is not None and motion.excluded is not None:
+            excluded[MOTION_MODEL] = EXCEEDED
+        return Presence(ages, self._shares_of(list(ages), epoch_ns, speed_mps, variances), excluded, behind)
 
     def _shares_of(self, reporting: list[str], epoch_ns: int, speed_mps: float, variances: Sequence[float]) -> dict[str, float]:
         information: dict[str, float] = {}
@@ -222,21 +165,9 @@ class Roster:
         return self._shares.at(reporting, speed_mps, information)
 
     def forget(self, before_ns: int) -> None:
-        """Drop what no epoch needs any more."""
+        """Drop what no epoch needs any more, once a second."""
+        if before_ns - self._forgotten_ns < FORGET_EVERY_NS:
+            return
+        self._forgotten_ns = before_ns
         for unit in self._units.values():
             unit.forget(before_ns)
-
-
-def _exclusion_reason(verdict: Verdict, epoch_ns: int, stale_ns: int) -> str | None:
-    """The reason for which a unit is excluded at an epoch; None where it is in use."""
-    if verdict.heard_ns is None:
-        return "never heard"
-    if epoch_ns - verdict.heard_ns > stale_ns:
-        return "silent"
-    if verdict.excluded is not None:
-        return verdict.excluded.kind
-    if verdict.gating is not None:
-        return verdict.gating
-    if verdict.counted_ns is None or epoch_ns - verdict.counted_ns > stale_ns:
-        return verdict.refused or "no usable reading"
-    return None

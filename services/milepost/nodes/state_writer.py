@@ -13,6 +13,7 @@ from milepost_schemas import AbsoluteFix, FusedState
 from milepost_schemas.state import Status
 
 from .roster import Presence
+from .working_states import kind_of
 
 # of 95 % of a normal distribution
 ACCURACY_SIGMAS = 1.96
@@ -85,7 +86,7 @@ class StateWriter:
             "longitude_deg": longitude,
             "last_balise": last and {"balise_id": last[1], "position_m": last[2], "distance_since_m": s - last[2]},
             "sensors": [{"unit": u, "share": presence.shares[u], "age_s": age} for u, age in presence.ages_s.items()],
-            "excluded": [{"unit": u, "reason": reason} for u, reason in presence.excluded.items()],
+            "excluded": [{"unit": u, "reason": reason, "kind": kind_of(reason)} for u, reason in presence.excluded.items()],
             "doubted": list(fused.doubted),
             "reset": reset and {"size_m": reset.size_m, "size_mps": reset.size_mps, "reason": reset.reason},
             "awaiting": missing,

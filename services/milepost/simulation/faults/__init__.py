@@ -1,7 +1,7 @@
 """Faults: of the links between processes, and of what a unit's sensor sends."""
 
 from .effect import FaultKind, Sent, Surroundings
-from .entry import FaultEntry, reason_of
+from .entry import FaultEntry, not_an_option, reason_of
 from .injection import Injection
 from .link import Fault, Link, delayed, silent
 from .table import FAULTS
@@ -16,6 +16,7 @@ __all__ = [
     "Sent",
     "Surroundings",
     "delayed",
+    "not_an_option",
     "reason_of",
     "silent",
 ]

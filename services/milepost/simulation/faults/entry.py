@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from milepost.recordings.options import STRICT
+from milepost.recordings.options import STRICT, nearest
 from milepost_schemas.message import Name
 
 from .table import FAULTS
@@ -20,6 +21,12 @@ def reason_of(error: ValueError) -> str:
     first = error.errors(include_url=False)[0]
     text = first["msg"].removeprefix("Value error, ")
     return ": ".join([*([".".join(map(str, first["loc"]))] if first["loc"] else []), text])
+
+
+def not_an_option(kind: str, word: object, written: Callable[[str], str] = str) -> str:
+    """`word: not an option of kind, which has ...`, with the nearest option; `written`: how options are written there."""
+    known = [written(name) for name in FAULTS[kind].options.model_fields]
+    return f"{word}: not an option of {kind}, which has {', '.join(known) or 'none'}{nearest(word, known)}"
 
 
 class FaultEntry(BaseModel):
@@ -41,11 +48,9 @@ class FaultEntry(BaseModel):
         try:
             self.options()
         except ValidationError as error:
-            text = reason_of(error)
-            if error.errors()[0]["type"] == "extra_forbidden":
-                known = ", ".join(FAULTS[self.kind].options.model_fields)
-                text = f"{error.errors()[0]['loc'][0]}: not an option of {self.kind}, which has {known or 'none'}"
-            raise ValueError(text) from error
+            # a misspelt option is also a missing one, which pydantic finds first
+            strange = next((e["loc"][0] for e in error.errors() if e["type"] == "extra_forbidden"), None)
+            raise ValueError(reason_of(error) if strange is None else not_an_option(self.kind, strange)) from error
         return self
 
     @property

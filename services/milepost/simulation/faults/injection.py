@@ -81,6 +81,8 @@ class Injection:
         earlier.append(reading)
         while earlier[0].measured_at_ns < reading.measured_at_ns - REMEMBERED_NS:
             earlier.popleft()
+        if not self._active:
+            return [Sent(reading)]
         t_s = (reading.measured_at_ns - self.start_ns) * 1e-9
         self._active = [active for active in self._active if t_s < active.entry.to_s]
         acting = [active for active in self._active if t_s >= active.entry.from_s]

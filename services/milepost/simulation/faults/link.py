@@ -46,4 +46,4 @@ class Link(Generic[T]):
 
     def next_ns(self) -> int | None:
         """The due time of the next delayed item; None where there is none."""
-        return min((due_ns for due_ns, _, _ in self._held), default=None)
+        return min(due_ns for due_ns, _, _ in self._held) if self._held else None

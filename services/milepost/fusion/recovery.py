@@ -1,0 +1,55 @@
+"""How rows, units and the bank itself come back: what is taken up again, from what, and after how long."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from milepost.estimation.layout import Array
+
+from .bank_state import Bank, protected
+from .hypotheses import MOTION_MODEL, NO_ALTERNATIVES, Units
+from .verdicts import Verdict
+
+# a refuted hypothesis is taken up again from row 0, if row 0 lives so long
+REVIVE_NS = 30_000_000_000
+# how long a unit must agree with the others before it counts again: twice as long after each relapse
+PROBATION_NS, LONGEST_PROBATION_NS = 1_000_000_000, 64_000_000_000
+
+
+def revived(state: Bank, at_ns: int) -> Bank:
+    """Refuted rows go on from row 0 again after a while; what is refuted as an alternative stays so."""
+    rows = state.rows
+    due = [bool(d) and at_ns - d > REVIVE_NS and s >= rows.excluded for d, s in zip(state.dead_ns, rows.sets, strict=True)]
+    if not any(due):
+        return state
+    index = [0 if d else i for i, d in enumerate(due)]
+    dead = tuple(0 if d else ns for d, ns in zip(due, state.dead_ns, strict=True))
+    return state.of(index)._replace(
+        alive=state.alive | np.array(due),
+        dead_ns=dead,
+    )
+
+
+def hold_ns(verdict: Verdict) -> int:
+    """How long the unit must agree."""
+    return min(LONGEST_PROBATION_NS, PROBATION_NS << min(max(0, verdict.relapses - 1), 10))
+
+
+def alternatives(state: Bank, excluded: Units) -> frozenset[Units]:
+    """The rows alive of a train that moves harder, which explain otherwise why units are excluded."""
+    if MOTION_MODEL in excluded:
+        return NO_ALTERNATIVES
+    held = (state.rows.sets[i] for i in state.rows.hard if state.alive[i])
+    return frozenset(units for units in held if not units >= excluded)
+
+
+def widened(state: Bank, row: int, limit: float) -> Array:
+    """The covariance (n, n) of a row, scaled so that `limit` σ of position and of speed reach over the published interval."""
+    x = state.x[row]
+    P: Array = state.P[row].copy()
+    for place, (low, high) in enumerate(protected(state)):
+        reach = max(high - x[place], x[place] - low)
+        factor = max(1.0, (reach / limit) ** 2 / max(P[place, place], 1e-300)) ** 0.5
+        P[place] *= factor
+        P[:, place] *= factor
+    return P
