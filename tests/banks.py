@@ -53,6 +53,7 @@ class ScaledSpeed:
     """The pure judge of a wheel: z = (1 + κ) v + e, linearised at each belief."""
 
     pure = True
+    learner = None
 
     def __init__(self, std: float) -> None:
         self._variance = std**2

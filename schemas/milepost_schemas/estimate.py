@@ -47,8 +47,8 @@ class Estimate(Message):
     """A local filter's belief at `measured_at_ns` and the linearised observations of the readings that are new in it.
 
     The rows of linear sensors with plain filters depend on the reading alone. Rows that are linearised, judged or weighted at
-    the filter's belief depend on the feedback in it: of those that are linearised or judged, `readings` has what the sensor
-    stated, so that the fuser can do both by itself; those of filters that learn a variance count as they come.
+    the filter's belief depend on the feedback in it: of those `readings` has what the sensor stated, so that the fuser can
+    linearise, judge and learn the variance by itself; the rows then tell what the filter made of it.
     `feedback_epoch_ns` is the epoch of the last feedback that the belief contains.
     """
 

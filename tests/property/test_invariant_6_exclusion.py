@@ -33,10 +33,8 @@ LINE = {
 NOT_BY_THE_BANK = {*SAYS_NOTHING, "refused"}
 LENGTH_S = 9.0
 ONSETS_S = (0.0, 2.0, 5.0)
-# in the standard deviations of the train without the unit; measured: 7e-12
+# in the standard deviations of the train without the unit; measured: 2e-11
 EXACT = 1e-9
-# the bound of invariant 6 where rows are linearised
-BOUND = 0.01
 
 Lie = tuple[str, dict[str, Any]]
 # at once, and growing slowly from nothing
@@ -51,14 +49,6 @@ SLOW: dict[str, Lie] = {
     "speed_reading": ("ramp", {"rate": 0.3}),
     "inertial_reading": ("ramp", {"rate": 0.3}),
     "position_reading": ("drag", {"rate_mps": 1.0}),
-}
-# R, or z, is learned from innovations, and these come from feedback that held the excluded unit. Measured, in standard
-# deviations: the largest difference of all kinds of sensors, which is the odometer's, and the largest of the others
-LEARNING = {
-    "adaptive_kalman": "R is learned under feedback: 0.20 without the odometer, else 0.08",
-    "robust_kalman": "R and z' are learned under feedback: 0.84 without the odometer, else 0.44",
-    "rls": "R_eff is learned under feedback: 0.99 without the odometer, else 0.008",
-    "pu_rls": "R_eff is learned under feedback: 1.32 without the odometer, else 0.005",
 }
 
 
@@ -138,51 +128,22 @@ def difference(kind: str, kind_of_filter: str, onset_s: float, lies: dict[str, L
     return Difference(x, P, (found - OFFLINE_START_NS) / 1e9, len(compared), others)
 
 
-@cache
-def learned(kind: str, kind_of_filter: str) -> Difference:
-    """The difference after a lie that grows slowly, behind a filter that learns."""
-    return difference(kind, kind_of_filter, 2.0, SLOW)
-
-
-def holds(found: Difference, bound: float) -> None:
+def holds(found: Difference) -> None:
     """The unit was excluded, nobody else was, and nothing is left of it."""
     assert found.compared >= 10
     assert not found.others
-    assert found.largest <= bound, found
+    assert found.largest <= EXACT, found
 
 
 @pytest.mark.parametrize("onset_s", ONSETS_S)
 @pytest.mark.parametrize("lies", [SUDDEN, SLOW], ids=["sudden", "slow"])
 @pytest.mark.parametrize("kind", SENSORS)
 def test_nothing_is_left_of_an_excluded_unit_whatever_the_onset(kind: str, lies: dict[str, Lie], onset_s: float) -> None:
-    holds(difference(kind, "kalman", onset_s, lies), EXACT)
+    holds(difference(kind, "kalman", onset_s, lies))
 
 
 @pytest.mark.parametrize("kind", SENSORS)
-@pytest.mark.parametrize("kind_of_filter", sorted(set(FILTERS) - set(LEARNING) - {"kalman"}))
-def test_nothing_is_left_behind_filters_that_pass_readings_on(kind_of_filter: str, kind: str) -> None:
-    holds(difference(kind, kind_of_filter, 2.0, SUDDEN), EXACT)
-
-
-@pytest.mark.parametrize(
-    "kind_of_filter",
-    [
-        pytest.param(kind, marks=pytest.mark.xfail(strict=True, raises=AssertionError, reason=reason))
-        for kind, reason in LEARNING.items()
-    ],
-)
-def test_nothing_is_left_behind_filters_that_learn(kind_of_filter: str) -> None:
-    """Filters do not say again what they said under the liar's feedback."""
-    assert max(learned(kind, kind_of_filter).largest for kind in SENSORS) <= BOUND
-
-
-@pytest.mark.parametrize("kind", SENSORS)
-@pytest.mark.parametrize("kind_of_filter", LEARNING)
-def test_the_liar_alone_is_excluded_behind_filters_that_learn(kind_of_filter: str, kind: str) -> None:
-    found = learned(kind, kind_of_filter)
-    assert found.compared >= 10
-    assert not found.others
-
-
-def test_every_kind_of_filter_is_covered() -> None:
-    assert set(LEARNING) == {name for name, row in FILTERS.items() if not row.passes_readings}
+@pytest.mark.parametrize("kind_of_filter", sorted(set(FILTERS) - {"kalman"}))
+def test_nothing_is_left_of_it_behind_any_kind_of_filter(kind_of_filter: str, kind: str) -> None:
+    """A slow lie is learned from for seconds before it is found."""
+    holds(difference(kind, kind_of_filter, 2.0, SLOW))

@@ -10,12 +10,15 @@ from typing import Any
 import pytest
 
 from milepost.config.train import Train, load_train
+from milepost.estimation.filters import FILTERS
+from milepost.estimation.filters.learning import LearningFilter
 from milepost.nodes.base import Output
 from milepost.offline.run import replay, simulate
 from milepost_schemas import FusedState, Message
 
 ROOT = Path(__file__).resolve().parents[2]
 LATEST_NS = 2_000_000_000
+LEARNING = [kind for kind, row in FILTERS.items() if issubclass(row, LearningFilter)]
 Received = tuple[str, str, Message, int]
 # every wheel of the metro spins, and slides within the run; the full train spins one
 SPIN: dict[str, Any] = {"world": {"creep": {"events": [{"from_s": 6.0, "to_s": 9.0, "ratio": 0.15}]}}}
@@ -63,3 +66,16 @@ def test_shuffled_readings_settle_to_the_same_bits(name: str) -> None:
         late += rng.sample(late, len(late) // 20)
         shuffled = settled(train, sorted(late, key=lambda message: message[3]))
         assert [what_is_believed(s) for s in shuffled] == [what_is_believed(s) for s in in_order]
+
+
+@pytest.mark.parametrize("kind", LEARNING)
+def test_readings_whose_noise_is_learned_settle_to_the_same_bits(kind: str) -> None:
+    learning = {"units": {unit: {"filter": kind} for unit in ("radar", "loop")}}
+    plain, train = (load_train(ROOT / "deploy/trains/maglev.yaml", change) for change in ({}, learning))
+    recorded = readings_of(train, 2.5)
+    in_order = settled(train, recorded)
+    assert in_order[-1].position_m != settled(plain, recorded)[-1].position_m
+    rng = random.Random(3)
+    late = [(*message[:3], message[3] + int(rng.random() * 0.2 * LATEST_NS)) for message in recorded]
+    shuffled = settled(train, sorted(late, key=lambda message: message[3]))
+    assert [what_is_believed(s) for s in shuffled] == [what_is_believed(s) for s in in_order]

@@ -40,9 +40,9 @@ def test_a_sliding_wheel_is_excluded_as_sliding_from_the_moment_of_its_event(jou
     assert abs(held_back[-1] - grips.measured_at_ns) <= 600_000_000
 
 
-@pytest.mark.parametrize("kind", ["adaptive_kalman", "rls"])
-def test_a_wheel_that_its_own_filter_judges_is_sliding_too(kind: str) -> None:
-    """The fuser does not judge readings of filters that learn: it takes their filter's word."""
+@pytest.mark.parametrize(("kind", "within_ns"), [("adaptive_kalman", 60_000_000), ("rls", 200_000_000)])
+def test_a_wheel_whose_noise_is_learned_is_sliding_too(kind: str, within_ns: int) -> None:
+    """A smoothed speed lags behind the slip that it should show."""
     learning = {**CHANGE, "units": {"odometer-front": {"filter": kind}}}
     journey = travel(12.0, change=learning, train_file=FULL)
     (slide,) = (event for event in journey.events if event.code == "wheel_slide")
@@ -50,9 +50,9 @@ def test_a_wheel_that_its_own_filter_judges_is_sliding_too(kind: str) -> None:
         named = {ns: e.reason for ns, s in states.items() for e in s.excluded if e.unit == "odometer-front"}
         # settled states begin before the wheel's first reading
         reasons = {ns: reason for ns, reason in named.items() if ns > at(1.0)}
-        assert set(reasons.values()) <= {"sliding", "contradicts the fused speed"}
+        assert set(reasons.values()) <= {"sliding", "jumping", "biased", "noisy"}
         assert reasons[at(0.5 * (SLIDE_S[0] + SLIDE_S[1]))] == "sliding"
-        assert min(reasons) <= slide.measured_at_ns + 60_000_000
+        assert min(reasons) <= slide.measured_at_ns + within_ns
 
 
 def test_settled_states_exclude_the_wheel_for_the_same_reason(journey: Journey) -> None:

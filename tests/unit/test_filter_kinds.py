@@ -173,8 +173,8 @@ def test_invalid_options_are_refused(options, wrong):
         options()
 
 
-def test_a_learning_filter_keeps_one_learner_for_each_component():
+def test_a_learning_filter_keeps_one_memory_for_each_component():
     local = built("adaptive_kalman")
     assert isinstance(local, AdaptiveKalmanFilter)
     passed_on(local, readings(300))
-    assert len(local._learners) == 1
+    assert len(local._learned) == 1

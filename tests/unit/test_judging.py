@@ -29,6 +29,7 @@ class Distrustful:
     """Counts a speed at R = 1 unless it is more than 3 m/s off what is believed; remembers how many it refused."""
 
     pure = False
+    learner = None
 
     def start(self) -> int:
         return 0
@@ -49,6 +50,7 @@ class Squared:
     """z = v² + e, R = 4, linearised at the belief: h = 2 v, and z - v² + h v in place of z. It remembers nothing."""
 
     pure = True
+    learner = None
 
     def start(self) -> None:
         return None

@@ -56,7 +56,8 @@ def test_the_recursion_ends_where_a_swarm_would() -> None:
         return float(errors + w @ w)
 
     best = cost(learned.weights)
-    found = Swarm([-3.0] * 3, [3.0] * 3, particles=20, seed=1).minimise(cost, 150)
+    swarm = Swarm([-3.0] * 3, [3.0] * 3, particles=20, seed=1)
+    (found,), _ = swarm.search(swarm.begin(1), lambda w: np.array([[cost(p) for p in w[0]]]), np.array([1]), np.array([150]))
     assert cost(found) == pytest.approx(best, rel=1e-6)
     assert samples[-1][0] @ found == pytest.approx(samples[-1][0] @ learned.weights, abs=1e-5)
     for i in range(3):

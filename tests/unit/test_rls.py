@@ -7,17 +7,18 @@ import random
 import numpy as np
 import pytest
 
+from learners import Fed
 from milepost.estimation.noise.pu_rls import ForgettingModel, SwarmTunedSmoother, Tuning
-from milepost.estimation.noise.rls import ForgettingSmoother, LocalParabola, white_sum
+from milepost.estimation.noise.rls import ForgettingSmoother, Parabola, white_sum
 from milepost.estimation.noise.swarm import Swarm
 from milepost.estimation.noise.unscented import sigma_points, unscented_gain_terms
 
 
-def parabola_over(times: list[float], values: list[float], forgetting: float, weights: list[float]) -> LocalParabola:
-    parabola, before = LocalParabola(), times[0]
+def parabola_over(times: list[float], values: list[float], forgetting: float, weights: list[float]) -> Parabola:
+    parabola, before = Parabola.begin(1), times[0]
     for at, value, weight in zip(times, values, weights, strict=True):
-        parabola.advance(at - before)
-        parabola.learn(parabola.predicted(), value, forgetting, weight)
+        parabola, _ = parabola.advanced(at - before)
+        parabola = parabola.taught(parabola.predicted(), np.array([value]), forgetting, np.array([weight]))
         before = at
     return parabola
 
@@ -31,27 +32,27 @@ def test_the_recursion_is_weighted_least_squares():
     X = np.stack([np.ones(25), ages, 0.5 * ages**2], axis=1)
     J = np.diag(0.9 ** np.arange(24, -1, -1) * weights)
     normal = X.T @ J @ X
-    np.testing.assert_allclose(parabola.w, np.linalg.solve(normal, X.T @ J @ values), rtol=1e-4, atol=1e-4)
-    np.testing.assert_allclose(parabola.P, np.linalg.inv(normal), rtol=1e-4, atol=1e-6)
+    np.testing.assert_allclose(parabola.w[0], np.linalg.solve(normal, X.T @ J @ values), rtol=1e-4, atol=1e-4)
+    np.testing.assert_allclose(parabola.P[0], np.linalg.inv(normal), rtol=1e-4, atol=1e-6)
     # and the variance of that, for readings of variance R/ω: N⁻¹ Xᵀ J (1/ω) J X N⁻¹
     J2 = J @ np.diag(1.0 / np.array(weights)) @ J
     sandwich = np.linalg.inv(normal) @ X.T @ J2 @ X @ np.linalg.inv(normal)
-    np.testing.assert_allclose(parabola.V, sandwich, rtol=1e-4, atol=1e-6)
+    np.testing.assert_allclose(parabola.V[0], sandwich, rtol=1e-4, atol=1e-6)
 
 
 def test_a_step_by_hand():
-    parabola = LocalParabola()
-    parabola.w, parabola.P, parabola.V = np.zeros(3), np.diag([0.9, 0.0, 0.0]), np.zeros((3, 3))
+    parabola = Parabola.begin(1)._replace(P=np.diag([0.9, 0.0, 0.0])[None], V=np.zeros((1, 3, 3)))
     # k = P x/(λ + xᵀP x) = 0.9/1.8; P ← (1 - k) P/λ
-    assert parabola.learn(parabola.predicted(), 4.0, 0.9) == pytest.approx(2.0)
-    assert parabola.P[0, 0] == pytest.approx(0.5)
+    after = parabola.taught(parabola.predicted(), np.array([4.0]), 0.9, np.ones(1))
+    assert after.w[0, 0] == pytest.approx(2.0)
+    assert after.P[0, 0, 0] == pytest.approx(0.5)
 
 
 def test_a_parabola_follows_constant_acceleration_without_lag():
-    smoother = ForgettingSmoother(0.9, 1.0, 50)
+    smoother = Fed(ForgettingSmoother(0.9, 50), stated=1.0)
     for k in range(100):
         t = 0.2 * k
-        smoothed, _ = smoother.step(0.2 if k else 0.0, 5.0 + 20.0 * t + 0.4 * t * t)
+        smoothed, _ = smoother.take(5.0 + 20.0 * t + 0.4 * t * t, dt_s=0.2 if k else 0.0)
     assert smoothed == pytest.approx(5.0 + 20.0 * t + 0.4 * t * t, abs=1e-3)
 
 
@@ -77,7 +78,7 @@ def test_the_noise_is_learned_and_the_smoothed_variance_is_right(kind):
     smoother = smoother_of(kind)
     errors, stated = [], []
     for k in range(6000):
-        smoothed, variance = smoother.step(0.2, rng.gauss(0.0, 3.0))
+        smoothed, variance = smoother.take(rng.gauss(0.0, 3.0), dt_s=0.2)
         if k >= 1000:
             errors.append(smoothed)
             stated.append(variance)
@@ -89,10 +90,10 @@ def test_the_noise_is_learned_and_the_smoothed_variance_is_right(kind):
     assert np.var(errors) < 0.6 * 9.0
 
 
-def smoother_of(kind: str) -> ForgettingSmoother | SwarmTunedSmoother:
+def smoother_of(kind: str) -> Fed:
     if kind == "rls":
-        return ForgettingSmoother(0.9, 1.0, 50)
-    return SwarmTunedSmoother(1.0, 25, ForgettingModel(), Tuning(every=50))
+        return Fed(ForgettingSmoother(0.9, 50), stated=1.0)
+    return Fed(SwarmTunedSmoother(25, ForgettingModel(), Tuning(every=50)), stated=1.0)
 
 
 @pytest.mark.parametrize("kind", ["rls", "pu_rls"])
@@ -100,8 +101,8 @@ def test_after_a_long_gap_the_smoother_restarts(kind):
     rng = random.Random(6)
     smoother = smoother_of(kind)
     for k in range(200):
-        smoother.step(0.2, 4.0 * k + rng.gauss(0.0, 1.0))
-    smoothed, variance = smoother.step(150.0, 9_000.0)
+        smoother.take(4.0 * k + rng.gauss(0.0, 1.0), dt_s=0.2)
+    smoothed, variance = smoother.take(9_000.0, dt_s=150.0)
     assert smoothed == pytest.approx(9_000.0, abs=1e-3)
     assert 0.3 < variance < 3.0
 
@@ -112,7 +113,7 @@ def test_pu_rls_is_not_carried_away_by_outliers():
         rng, smoother, errors = random.Random(7), smoother_of(kind), []
         for k in range(800):
             std = 20.0 if rng.random() < 0.05 else 2.0
-            errors.append(smoother.step(0.2, 4.0 * k + rng.gauss(0.0, std))[0] - 4.0 * k)
+            errors.append(smoother.take(4.0 * k + rng.gauss(0.0, std), dt_s=0.2)[0] - 4.0 * k)
         found[kind] = float(np.std(errors[100:]))
     assert found["pu_rls"] < 0.6 * found["rls"]
 
@@ -127,34 +128,48 @@ def test_the_forgetting_factor_is_long_while_still_and_short_while_not():
 
 
 def test_the_swarm_finds_the_bottom_in_a_bounded_number_of_evaluations():
-    swarm = Swarm((0.0, -5.0), (1.0, 5.0), particles=8, seed=1)
-    best = swarm.minimise(lambda p: (p[0] - 0.3) ** 2 + (p[1] - 2.0) ** 2 / 100.0, generations=40)
-    assert swarm.evaluations == 8 * 41
-    np.testing.assert_allclose(best, [0.3, 2.0], atol=0.05)
+    swarm, evaluated = Swarm((0.0, -5.0), (1.0, 5.0), particles=8, seed=1), []
+
+    def cost(p):
+        evaluated.append(p[..., 0].size)
+        return (p[..., 0] - 0.3) ** 2 + (p[..., 1] - 2.0) ** 2 / 100.0
+
+    best, _ = swarm.search(swarm.begin(1), cost, np.array([1]), np.array([40]))
+    assert sum(evaluated) == 8 * 41
+    np.testing.assert_allclose(best[0], [0.3, 2.0], atol=0.05)
 
 
 def test_the_swarm_stays_in_its_box():
-    swarm = Swarm((0.0,), (1.0,), particles=5, seed=2)
-    places = []
-    swarm.minimise(lambda p: places.append(p[0]) or -p[0], generations=20)
-    assert min(places) >= 0.0
-    assert max(places) <= 1.0
+    swarm, places = Swarm((0.0,), (1.0,), particles=5, seed=2), []
+    swarm.search(swarm.begin(1), lambda p: places.append(p) or -p[..., 0], np.array([1]), np.array([20]))
+    assert np.min(places) >= 0.0
+    assert np.max(places) <= 1.0
 
 
-def test_pu_rls_is_deterministic_with_bounded_evaluations():
+def test_swarms_beside_one_another_find_what_each_finds_alone():
+    swarm, bottoms, turns, generations = (
+        Swarm((0.0,), (1.0,), 5, seed=3),
+        np.array([0.2, 0.7]),
+        np.array([1, 4]),
+        np.array([2, 9]),
+    )
+    together, _ = swarm.search(swarm.begin(2), lambda p: (p[..., 0] - bottoms[:, None]) ** 2, turns, generations)
+    for i in range(2):
+        alone, _ = swarm.search(
+            swarm.begin(1), lambda p, i=i: (p[..., 0] - bottoms[i]) ** 2, turns[i : i + 1], generations[i : i + 1]
+        )
+        np.testing.assert_array_equal(alone[0], together[i])
+
+
+def test_pu_rls_is_deterministic_and_tunes_itself():
     tuning = Tuning(particles=4, generations=2, window=8, every=5)
     runs = []
     for _ in range(2):
-        rng, smoother = random.Random(8), SwarmTunedSmoother(1.0, 25, ForgettingModel(), tuning)
-        before, results = 0, []
-        for k in range(120):
-            results.append(smoother.step(0.2, 4.0 * k + rng.gauss(0.0, 1.0)))
-            assert smoother.evaluations - before <= 4 * 3
-            before = smoother.evaluations
-        assert smoother.evaluations > 0
-        runs.append((results, smoother.shortest, smoother.sensitivity))
+        rng, smoother = random.Random(8), Fed(SwarmTunedSmoother(25, ForgettingModel(), tuning), stated=1.0)
+        results = [smoother.take(4.0 * k + rng.gauss(0.0, 1.0), dt_s=0.2) for k in range(120)]
+        runs.append((results, smoother.memory.best[0].tolist()))
     assert runs[0] == runs[1]
-    assert (runs[0][1], runs[0][2]) != (0.9, 0.2)
+    assert runs[0][1] != [0.9, 0.2]
 
 
 def test_the_unscented_gain_is_exact_where_the_observation_is_linear():

@@ -77,9 +77,9 @@ def fuser_settings(train: Train) -> FuserSettings:
 
 def _judge(train: Train, unit: str) -> UnitJudge | None:
     """The judge of a unit's readings in the fuser; None where the fuser takes the filter's rows."""
-    sensor, (kind, _) = train.sensors[unit], train.filters[unit]
-    judge = UnitJudge(sensor, BY_NAME[sensor.stream].message)
-    return None if not kind.passes_readings or (judge.pure and not sensor.needs_belief) else judge
+    sensor, (kind, options) = train.sensors[unit], train.filters[unit]
+    judge = UnitJudge(sensor, BY_NAME[sensor.stream].message, kind.learner(options))
+    return None if judge.learner is None and judge.pure and not sensor.needs_belief else judge
 
 
 def doubts(train: Train) -> Doubts:

@@ -102,7 +102,12 @@ class BankKernel:
             verdict = _repeated(verdict, observation)
         verdict = verdict._replace(memory=memory, heard_ns=at_ns, counted_ns=counted_ns, gating=gating, refused=refused)
         state = state.judged(unit, verdict)
+        learns = observation.reading is not None and unit in self._readings.learners
         for component, row in enumerate(rows):
+            if learns:
+                verdict = state.verdicts[unit]
+                row, verdict = self._readings.learned(unit, component, row, verdict, state.x, state.P, at_ns)
+                state = state.judged(unit, verdict)
             state = self._observe(state, unit, min(component, CHANNELS - 1), row, at_ns)
         return state._replace(since_ns=at_ns) if rows and state.since_ns is None else state
 

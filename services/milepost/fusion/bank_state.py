@@ -83,6 +83,15 @@ class Bank(NamedTuple):
         """With another verdict on a unit."""
         return Bank(self.x, self.P, self.channels, {**self.verdicts, unit: verdict}, *self[4:])
 
+    def of(self, index: list[int]) -> Bank:
+        """With what other rows believe and learned, each the continuation of the row `index`."""
+        return self._replace(
+            x=self.x[index],
+            P=self.P[index],
+            channels=tuple(channel.of(index) for channel in self.channels),
+            verdicts={u: v.continued(index) if v.noise else v for u, v in self.verdicts.items()},
+        )
+
     @property
     def doubted(self) -> tuple[str, ...]:
         """The units of which one lies, while nothing tells which."""
@@ -96,11 +105,10 @@ class Bank(NamedTuple):
 def recomposed(state: Bank, rows: Rows, index: list[int]) -> Bank:
     """The bank with other rows, each the continuation of the old row `index`."""
     H = len(rows.sets)
+    state = state.of(index)
     return state._replace(
         rows=rows,
-        x=state.x[index],
-        P=state.P[index],
-        channels=tuple(channel.of(index)._replace(strikes=np.zeros(H, dtype=int)) for channel in state.channels),
+        channels=tuple(channel._replace(strikes=np.zeros(H, dtype=int)) for channel in state.channels),
         alive=np.ones(H, dtype=bool),
         dead_ns=(0,) * H,
         leader=0,

@@ -204,7 +204,7 @@ class Isolation:
         old, units = state.rows, state.rows.excluded - {unit}
         new = self.rows(units, alternatives(state, units))
         out = recomposed(state, new, sources(new, old, state.alive, lambda s: (s | {unit}, s), state.leader))
-        return self._fresh(out, unit).judged(unit, verdict._replace(excluded=None))
+        return self._fresh(out, unit).judged(unit, verdict._replace(excluded=None, noise=out.verdicts[unit].noise))
 
     def _fresh(self, state: Bank, unit: str) -> Bank:
         """The tests of a unit begin again."""

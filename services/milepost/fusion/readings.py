@@ -8,9 +8,12 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 
 from milepost.estimation.layout import PLACES_OF_COMMON, Array, Layout
+from milepost.estimation.noise.learner import Learner, Seen, learned
 from milepost.estimation.observation import Observation
 
 from .evidence import Flags
+from .stack import Stack
+from .verdicts import Verdict
 
 # what readings measure, one field of each kind
 MEASURED = ("longitude_deg", "specific_force_mps2", "speed_mps")
@@ -42,10 +45,12 @@ class Judge(Protocol):
     """Turns a unit's reading into rows (h, z, R) over [s, v, a, own private], from the belief over these.
 
     `pure`: the rows depend on the reading and the belief alone, so that each hypothesis has its own; otherwise the judge
-    remembers, judges once, at the leading belief, and its rows are those of every hypothesis.
+    remembers, judges once, at the leading belief, and its rows are those of every hypothesis. `learner`: how z and R of the
+    rows are learned, None where they count as stated.
     """
 
     pure: bool
+    learner: Learner | None
 
     def start(self) -> Any:
         """The memory before the first reading."""
@@ -67,9 +72,26 @@ class Readings:
 
     def __init__(self, layout: Layout, judges: Mapping[str, Judge]) -> None:
         self._layout, self._judges = layout, judges
+        self.learners = {unit: judge.learner for unit, judge in judges.items() if judge.learner is not None}
+        self._stack = Stack()
         own = {unit: np.array(layout.indices.get(unit, PLACES_OF_COMMON)) for unit in judges}
         # the places in x, and in P row by row
         self._places = {unit: (places, (layout.dimension * places[:, None] + places).ravel()) for unit, places in own.items()}
+
+    def learned(
+        self, unit: str, component: int, row: Linear, verdict: Verdict, x: Array, P: Array, at_ns: int
+    ) -> tuple[Linear, Verdict]:
+        """A row as each hypothesis learned to take it, and the verdict with what it learned.
+
+        What a hypothesis learns follows from what it believes, so that nothing is in it that it never heard.
+        """
+        learner, noise, (h, z, R, present) = self.learners[unit], verdict.noise, row
+        _, c, nu = self._stack.innovations(x, P, h, z, 0.0) if learner.needs_belief else (None, 0.0, z)
+        seen = Seen(*(np.atleast_1d(np.asarray(number, dtype=float)) for number in (z, R, nu, np.maximum(c, 0.0))))
+        last = noise[component] if component < len(noise) else None
+        judged, after = learned(learner, last, at_ns, seen, None if present is None else ~present)
+        verdict = verdict._replace(noise=(*noise[:component], after, *noise[component + 1 :]))
+        return Linear(h, judged.value, np.broadcast_to(judged.variance, len(x)), present), verdict
 
     def rows(
         self, memory: Any, observation: Observation, x: Array, P: Array, leader: int

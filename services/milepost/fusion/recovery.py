@@ -24,10 +24,7 @@ def revived(state: Bank, at_ns: int) -> Bank:
         return state
     index = [0 if d else i for i, d in enumerate(due)]
     dead = tuple(0 if d else ns for d, ns in zip(due, state.dead_ns, strict=True))
-    return state._replace(
-        x=state.x[index],
-        P=state.P[index],
-        channels=tuple(channel.of(index) for channel in state.channels),
+    return state.of(index)._replace(
         alive=state.alive | np.array(due),
         dead_ns=dead,
     )

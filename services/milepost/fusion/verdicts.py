@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
+from milepost.estimation.noise.learner import Learned, continued
+
 from .course import Course
 from .evidence import KINDS, OUT_OF_RANGE, SHORT, STUCK, window_of
 
@@ -77,7 +79,8 @@ class Verdict(NamedTuple):
     no reading counts at present. `refused`: the reason for which the last reading did not count. `memory` is immutable.
     `excluded`: why the unit is left out; `probation_ns`: since when it agrees again, with `agreed` readings; `relapses`: how
     often it was excluded. `said`, `repeats`: what it said last, and how often in a row before. `odd_ns`: the
-    times of the last readings that were refused by themselves. `course`: what it does while it is excluded.
+    times of the last readings that were refused by themselves. `course`: what it does while it is excluded. `noise`: what
+    each hypothesis learned from each component of its readings.
     """
 
     memory: Any
@@ -93,6 +96,11 @@ class Verdict(NamedTuple):
     repeats: int = 0
     odd_ns: tuple[int, ...] = ()
     course: Course = Course()
+    noise: tuple[Learned, ...] = ()
+
+    def continued(self, index: list[int]) -> Verdict:
+        """The verdict with the noise of other rows, each the continuation of the row `index`."""
+        return self._replace(noise=tuple(n._replace(memory=continued(n.memory, index)) for n in self.noise))
 
     @property
     def kind(self) -> str | None:

@@ -48,7 +48,8 @@ class FilterNode(Node):
         self._restored: tuple[Observed, ...] = ()
         self._needs_belief = sensor.needs_belief
         # where a row depends on more than the reading, the fuser makes it again from the reading
-        self._sends_readings = sensor.needs_belief or self._observer is not sensor
+        learns = local.learner(local.options) is not None
+        self._sends_readings = learns or sensor.needs_belief or self._observer is not sensor
         self._unsent: deque[dict[str, Any]] = deque(maxlen=KEPT_READINGS)
         self._told_ns: int | None = None
         self._moments: set[int] = set()

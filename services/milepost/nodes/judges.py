@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from milepost.estimation.layout import Array
+from milepost.estimation.noise.learner import Learner
 from milepost.fusion.readings import LinearRow, StackedRow
 from milepost.sensors.base import Sensor
 from milepost.sensors.observed import Belief
@@ -20,11 +21,15 @@ LEAST_VARIANCE, LARGEST_VARIANCE = 1e-12, 1e15
 
 
 class UnitJudge:
-    """How the fuser observes one unit. `message` is the schema of its readings; `pure`: nothing is remembered."""
+    """How the fuser observes one unit. `message` is the schema of its readings; `pure`: nothing is remembered.
 
-    def __init__(self, sensor: Sensor[Any], message: type[Message]) -> None:
+    `learner`: how the noise of its readings is learned; None where it is as stated.
+    """
+
+    def __init__(self, sensor: Sensor[Any], message: type[Message], learner: Learner | None = None) -> None:
         self._sensor, self._observer = sensor, sensor.model()
         self.message, self.pure = message, self._observer is sensor
+        self.learner = learner
         self._start = self._observer.memory
 
     def start(self) -> Any:

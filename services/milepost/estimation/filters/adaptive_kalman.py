@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ..noise.adaptive import InnovationVariance
-from ..observation import Observation
+from ..noise.learner import Learner
 from .learning import LearningFilter
 from .options import positive
 
@@ -21,22 +21,13 @@ class AdaptiveKalmanOptions:
         positive(self, "memory", "floor")
 
 
-class AdaptiveKalmanFilter(LearningFilter[AdaptiveKalmanOptions, InnovationVariance]):
+class AdaptiveKalmanFilter(LearningFilter[AdaptiveKalmanOptions]):
     """States R̂ = mean(e² - h P hᵀ) for each component of a reading (see `adaptive.InnovationVariance`)."""
 
     kind = "adaptive_kalman"
     options_model = AdaptiveKalmanOptions
 
-    def learner(self, observation: Observation) -> InnovationVariance:
-        """A learner that begins with the stated R."""
-        return InnovationVariance(observation.variance, self.options.memory, self.options.floor * observation.variance)
-
-    def learn(self, learner: InnovationVariance, observation: Observation, dt_s: float) -> Observation:  # noqa: ARG002
-        """The observation with R̂, after this reading's innovation."""
-        expected = self.expected(observation)
-        learner.learn(observation.value - expected.value, expected.variance)
-        return self.judge(learner, observation)
-
-    def judge(self, learner: InnovationVariance, observation: Observation) -> Observation:
-        """The observation with R̂ unchanged."""
-        return observation._replace(variance=learner.variance)
+    @classmethod
+    def learner(cls, options: AdaptiveKalmanOptions) -> Learner:
+        """R̂, which begins with the stated R."""
+        return InnovationVariance(options.memory, options.floor)

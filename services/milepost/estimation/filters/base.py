@@ -1,7 +1,7 @@
 """The interface of a local filter.
 
-A kind of filter decides the variance of a reading's observations, whether they are pre-filtered, and how its own belief
-takes them. Only its observations reach the fused result, not its belief.
+A kind of filter decides how the variance of a reading's observations is learned, whether they are pre-filtered, and how its
+own belief takes them. The fuser learns and pre-filters by itself, in each of its hypotheses; the belief does not reach it.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from typing import Any, ClassVar, Generic, TypeVar
 
 from ..estimator import Estimator, Prior, kernel_for
 from ..layout import Layout
+from ..noise.learner import Learner
 from ..notice import Notice
 from ..observation import Observation
 
@@ -36,8 +37,6 @@ class LocalFilter(Generic[O]):
     `options_model` is a frozen dataclass of plain values whose `__post_init__` raises ValueError("field: what is wrong").
     """
 
-    # whether its observations are the unchanged readings, so that the fuser may linearise and judge these by itself
-    passes_readings: ClassVar[bool] = True
     kind: ClassVar[str]
     options_model: ClassVar[type[Any]]
 
@@ -47,6 +46,11 @@ class LocalFilter(Generic[O]):
         self.estimator = Estimator(
             setup.layout, setup.jerk_psd, setup.prior, setup.horizon_ns, setup.share, kernels=self.kernel
         )
+
+    @classmethod
+    def learner(cls, options: O) -> Learner | None:  # noqa: ARG003
+        """How it learns the noise of readings, or smooths them; None where it takes them as they are."""
+        return None
 
     def kernel(self, layout: Layout, jerk_psd: float) -> Any:
         """The mathematics of its belief."""

@@ -4,18 +4,15 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Sequence
-from typing import Generic, NamedTuple, TypeVar
+from typing import NamedTuple
 
 import numpy as np
 
-from milepost.estimation.time_units import S_PER_NS
-
 from ..gaussian import replace_common
 from ..layout import N_COMMON
+from ..noise.learner import Learned, Learner, Seen, learned, unlearned
 from ..observation import Observation
 from .base import FilterSetup, LocalFilter, O
-
-S = TypeVar("S")
 
 
 class Expected(NamedTuple):
@@ -25,30 +22,22 @@ class Expected(NamedTuple):
     variance: float
 
 
-class LearningFilter(LocalFilter[O], Generic[O, S]):
-    """One learner S for each component of a reading, in the order of time.
+class LearningFilter(LocalFilter[O]):
+    """One memory for each component of a reading, in the order of arrival, for this filter's own belief.
 
-    A learner learns only from a reading that is later than all before it and is not refused. From late, repeated or untimely
-    readings nothing is learned: they get the values learned so far. Memory: one learner for each component.
+    It learns only from a reading that is later than all before it and is not refused. From late, repeated or untimely
+    readings nothing is learned: they count by what was learned so far. The fuser learns by itself, with the same learner.
     """
-
-    passes_readings = False
 
     def __init__(self, setup: FilterSetup, options: O) -> None:
         super().__init__(setup, options)
-        self._learners: dict[int, tuple[int, S]] = {}
+        self._learner = self.learner(options)
+        self._learned: dict[int, Learned] = {}
 
+    @classmethod
     @abstractmethod
-    def learner(self, observation: Observation) -> S:
-        """A new learner, from the first observation of a component."""
-
-    @abstractmethod
-    def learn(self, learner: S, observation: Observation, dt_s: float) -> Observation:
-        """Learn from an observation `dt_s` after the last (0 for the first); returns the observation for the belief."""
-
-    @abstractmethod
-    def judge(self, learner: S, observation: Observation) -> Observation:
-        """The observation for the belief, without learning from it."""
+    def learner(cls, options: O) -> Learner:
+        """How this kind learns."""
 
     def prepare(self, observations: Sequence[Observation], now_ns: int) -> Sequence[Observation]:
         """A reading's observations with the learned values or variances."""
@@ -58,12 +47,16 @@ class LearningFilter(LocalFilter[O], Generic[O, S]):
         at = observation.measured_at_ns
         if self.estimator.timeline.untimely(at, now_ns) is not None:
             return observation
-        last = self._learners.get(observation.component)
-        if last is not None and at <= last[0]:
-            return self.judge(last[1], observation)
-        learner = self.learner(observation) if last is None else last[1]
-        self._learners[observation.component] = (at, learner)
-        return self.learn(learner, observation, 0.0 if last is None else (at - last[0]) * S_PER_NS)
+        value, variance = np.array([observation.value]), np.array([observation.variance])
+        seen, last = Seen(value, variance, value, variance), self._learned.get(observation.component)
+        if self._learner.needs_belief:
+            expected = self.expected(observation)
+            seen = Seen(value, variance, value - expected.value, np.array([expected.variance]))
+        if last is not None and at <= last.at_ns:
+            judged = unlearned(self._learner, last, seen)
+        else:
+            judged, self._learned[observation.component] = learned(self._learner, last, at, seen)
+        return observation._replace(value=float(judged.value[0]), variance=float(judged.variance[0]))
 
     def expected(self, observation: Observation) -> Expected:
         """h x̂ and c, the variance of h (x - x̂), at an observation's time.

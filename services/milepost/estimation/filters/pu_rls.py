@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from ..noise.learner import Learner
 from ..noise.pu_rls import ForgettingModel, SwarmTunedSmoother, Tuning
-from ..observation import Observation
+from .learning import LearningFilter
 from .options import at_most, fraction, positive
-from .prefilter import PreFilter, Smoother
 
 
 @dataclass(frozen=True)
@@ -35,18 +35,16 @@ class PuRlsOptions:
             raise ValueError("window: must lie between 4 and 200")
 
 
-class PuRlsFilter(PreFilter[PuRlsOptions]):
+class PuRlsFilter(LearningFilter[PuRlsOptions]):
     """PU-RLS (see `pu_rls.SwarmTunedSmoother`). Source: C (1)-(12)."""
 
     kind = "pu_rls"
     options_model = PuRlsOptions
 
-    def learner(self, observation: Observation) -> Smoother:
+    @classmethod
+    def learner(cls, options: PuRlsOptions) -> Learner:
         """A smoother that begins with the stated R."""
-        o = self.options
+        o = options
         return SwarmTunedSmoother(
-            observation.variance,
-            o.memory,
-            ForgettingModel(o.degrees, o.longest),
-            Tuning(o.particles, o.generations, o.window, o.every, o.seed),
+            o.memory, ForgettingModel(o.degrees, o.longest), Tuning(o.particles, o.generations, o.window, o.every, o.seed)
         )

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from ..noise.learner import Learner
 from ..noise.rls import ForgettingSmoother
-from ..observation import Observation
+from .learning import LearningFilter
 from .options import fraction, positive
-from .prefilter import PreFilter, Smoother
 
 
 @dataclass(frozen=True)
@@ -22,12 +22,13 @@ class RlsOptions:
         positive(self, "memory")
 
 
-class RlsFilter(PreFilter[RlsOptions]):
+class RlsFilter(LearningFilter[RlsOptions]):
     """Plain adaptive RLS, for comparison (see `rls.ForgettingSmoother`). Source: C (1)-(7)."""
 
     kind = "rls"
     options_model = RlsOptions
 
-    def learner(self, observation: Observation) -> Smoother:
+    @classmethod
+    def learner(cls, options: RlsOptions) -> Learner:
         """A smoother that begins with the stated R."""
-        return ForgettingSmoother(self.options.forgetting, observation.variance, self.options.memory)
+        return ForgettingSmoother(options.forgetting, options.memory)

@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 
-from ..layout import Array
+from ..noise.learner import Learner
 from ..noise.noise_scale import NoiseModel, NoiseScale
-from ..observation import Observation
 from .learning import LearningFilter
 from .options import fraction, positive
-
-# the least predicted variance, as a share of the stated R: a smaller one makes no difference
-LEAST_EXPECTED = 1e-9
 
 
 @dataclass(frozen=True)
@@ -41,30 +37,13 @@ class RobustKalmanOptions:
             raise ValueError("levels: must lie between 4 and 200")
 
 
-class RobustKalmanFilter(LearningFilter[RobustKalmanOptions, NoiseScale]):
+class RobustKalmanFilter(LearningFilter[RobustKalmanOptions]):
     """States, for each component of a reading, the Gaussian that stands for its likelihood (see `noise_scale.NoiseScale`)."""
 
     kind = "robust_kalman"
     options_model = RobustKalmanOptions
 
-    def learner(self, observation: Observation) -> NoiseScale:
-        """A learner that knows only the range of σ."""
-        o, std = self.options, math.sqrt(observation.variance)
-        return NoiseScale(
-            NoiseModel(o.lowest * std, o.highest * std, o.levels, o.time_constant_s, o.spread, o.outlier_share, o.outlier_ratio)
-        )
-
-    def learn(self, learner: NoiseScale, observation: Observation, dt_s: float) -> Observation:
-        """The site of this reading, and σ after it."""
-        learner.advance(dt_s)
-        taken, learner.weights = self._site(learner, observation)
-        return taken
-
-    def judge(self, learner: NoiseScale, observation: Observation) -> Observation:
-        """The site of this reading, with σ unchanged."""
-        return self._site(learner, observation)[0]
-
-    def _site(self, learner: NoiseScale, observation: Observation) -> tuple[Observation, Array]:
-        value, variance = self.expected(observation)
-        site, weights = learner.site(observation.value - value, max(variance, LEAST_EXPECTED * observation.variance))
-        return observation._replace(value=value + site.value, variance=site.variance), weights
+    @classmethod
+    def learner(cls, options: RobustKalmanOptions) -> Learner:
+        """The grid, of which only the range is known at first."""
+        return NoiseScale(NoiseModel(**asdict(options)))

@@ -3,28 +3,31 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
 from ..layout import Array
+from .learner import Judged, Seen
 
 # the number of stored transition matrices, by step: a sensor has one period and some jitter, rounded to a millisecond
 KEPT_STEPS = 64
 LEAST_LIKELIHOOD = 1e-300
 # z' stays within 1.5 times the innovation; more costs consistency of the innovations, less of the result
 LEAST_GAIN = 2.0 / 3.0
+# the least predicted variance, as a share of the stated R: a smaller one makes no difference
+LEAST_EXPECTED = 1e-9
 
 
 class NoiseModel(NamedTuple):
     """Noise e ~ (1 - ε) N(0, σ²) + ε N(0, κ²σ²), ln σ an Ornstein-Uhlenbeck process.
 
-    `lowest_std`, `highest_std`: the range of σ, in the reading's unit; `levels`: of the grid; `time_constant_s` τ and
+    `lowest`, `highest`: the range of σ over the stated one; `levels`: of the grid; `time_constant_s` τ and
     `spread` s (standard deviation of ln σ) of the process; `outlier_share` ε; `outlier_ratio` κ.
     """
 
-    lowest_std: float
-    highest_std: float
+    lowest: float
+    highest: float
     levels: int = 24
     time_constant_s: float = 20.0
     spread: float = 0.6
@@ -32,11 +35,11 @@ class NoiseModel(NamedTuple):
     outlier_ratio: float = 10.0
 
 
-class Site(NamedTuple):
-    """The Gaussian factor N(z; h x, R) that stands for one observation's likelihood."""
+class Levels(NamedTuple):
+    """The weights of the levels (m, levels), and the variance that was stated first (m)."""
 
-    value: float
-    variance: float
+    weights: Array
+    stated: Array
 
 
 class NoiseScale:
@@ -54,48 +57,62 @@ class NoiseScale:
     site as in expectation propagation (Minka 2001); no source has it.
     """
 
+    needs_belief: ClassVar[bool] = True
+
     def __init__(self, model: NoiseModel) -> None:
         self.model = model
-        self._levels = np.linspace(math.log(model.lowest_std), math.log(model.highest_std), model.levels)
+        self._levels = np.linspace(math.log(model.lowest), math.log(model.highest), model.levels)
         regular = np.exp(2.0 * self._levels)
         self._variances = np.concatenate([regular, regular * model.outlier_ratio**2])
         self._shares = np.repeat([1.0 - model.outlier_share, model.outlier_share], model.levels)
         self._steps: dict[int, Array] = {}
-        self.weights = np.full(model.levels, 1.0 / model.levels)
 
-    @property
-    def std(self) -> float:
-        """The posterior mean of σ."""
-        return float(self.weights @ np.exp(self._levels))
+    def begin(self, variance: Array) -> Levels:
+        """Nothing but the range of σ is known."""
+        return Levels(np.full((len(variance), self.model.levels), 1.0 / self.model.levels), variance)
 
-    def advance(self, dt_s: float) -> None:
-        """Predict the weights over `dt_s` seconds, p ← p M(T)."""
+    def take(self, memory: Levels, dt_s: float, seen: Seen) -> tuple[Judged, Levels]:
+        """The site of a reading, and the weights after it."""
+        memory = self.advance(memory, dt_s)
+        judged, weights = self._site(memory, seen)
+        return judged, memory._replace(weights=weights)
+
+    def judge(self, memory: Levels, seen: Seen) -> Judged:
+        """The site of a reading."""
+        return self._site(memory, seen)[0]
+
+    def std(self, memory: Levels) -> Array:
+        """The posterior mean of σ (m)."""
+        return np.asarray(np.sqrt(memory.stated) * (memory.weights @ np.exp(self._levels)))
+
+    def advance(self, memory: Levels, dt_s: float) -> Levels:
+        """The weights `dt_s` seconds later, p ← p M(T)."""
         step = round(dt_s * 1e3)
         if step <= 0:
-            return
+            return memory
         matrix = self._steps.get(step)
         if matrix is None:
             if len(self._steps) >= KEPT_STEPS:
                 self._steps.clear()
             matrix = self._steps[step] = self._transition(step * 1e-3)
-        self.weights = self.weights @ matrix
+        return memory._replace(weights=memory.weights @ matrix)
 
-    def site(self, innovation: float, predicted_variance: float) -> tuple[Site, Array]:
-        """The site of an observation, as correction z' - h x̂ and variance, and the weights after it, which are not stored.
-
-        `predicted_variance` c > 0.
-        """
-        c, e2 = predicted_variance, innovation * innovation
-        total = self._variances + c
-        exponent = -0.5 * (e2 / total + np.log(total))
-        joint = self._shares * np.tile(self.weights, 2) * np.exp(exponent - exponent.max()) + LEAST_LIKELIHOOD
-        joint /= joint.sum()
-        gains = c / total
-        mean_gain = float(joint @ gains)
-        spread = max(float(joint @ (gains * gains)) - mean_gain * mean_gain, 0.0)
-        gain = max(mean_gain - spread * e2 / c, LEAST_GAIN * mean_gain)
-        site = Site(mean_gain / gain * innovation, c * (1.0 - gain) / gain)
-        return site, joint[: self.model.levels] + joint[self.model.levels :]
+    def _site(self, memory: Levels, seen: Seen) -> tuple[Judged, Array]:
+        """The site of an observation as z' and R', and the weights after it."""
+        e = seen.innovation
+        c, e2 = np.maximum(seen.predicted, LEAST_EXPECTED * seen.variance), e * e
+        total = memory.stated[:, None] * self._variances + c[:, None]
+        exponent = -0.5 * (e2[:, None] / total + np.log(total))
+        joint = self._shares * np.tile(memory.weights, 2) * np.exp(exponent - exponent.max(axis=1, keepdims=True))
+        joint += LEAST_LIKELIHOOD
+        joint /= joint.sum(axis=1, keepdims=True)
+        gains = c[:, None] / total
+        mean_gain = (joint * gains).sum(axis=1)
+        spread = np.maximum((joint * gains * gains).sum(axis=1) - mean_gain * mean_gain, 0.0)
+        gain = np.maximum(mean_gain - spread * e2 / c, LEAST_GAIN * mean_gain)
+        levels = self.model.levels
+        site = Judged(seen.value - e + mean_gain / gain * e, c * (1.0 - gain) / gain)
+        return site, joint[:, :levels] + joint[:, levels:]
 
     def _transition(self, dt_s: float) -> Array:
         # reversion to the middle of the grid; on a grid coarser than the step, three points with the right two moments

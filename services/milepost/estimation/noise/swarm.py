@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,42 +16,72 @@ TOP_SPEED = 10.0
 CONSTRICTION = 2.0 / (5.2 - 2.0 + (5.2**2 - 4.0 * 5.2) ** 0.5)
 
 
+class Particles(NamedTuple):
+    """The places, the speeds and the own best places (m, particles, d) of m swarms."""
+
+    places: Array
+    speeds: Array
+    own: Array
+
+
 class Swarm:
     """Particles in a box, each attracted by its own best place and by the best of all.
 
     v ← χ (v + c₁ r₁ (p - x) + c₂ r₂ (g - x)), |v| ≤ v_max; x ← x + v, kept in the box. c₁ = c₂ = 2.6, r uniform in [0, 1],
     v_max = 10, as the source says; coordinates are such that the box is v_max wide, because the source gives no unit for
     its speed. Ours: χ (see CONSTRICTION), and generations per call given by the caller, where the source lets them grow
-    with n without bound. Deterministic: the seed is an argument. Source: C 1.2.2.
+    with n without bound. Deterministic: the seed and the number of the search are arguments. Source: C 1.2.2.
     """
 
     def __init__(self, low: Sequence[float], high: Sequence[float], particles: int, seed: int) -> None:
-        self._rng = np.random.default_rng(seed)
+        self._seed, self._particles = seed, particles
         self._low = np.array(low, dtype=float)
         self._width = (np.array(high, dtype=float) - self._low) / TOP_SPEED
-        self._places = self._rng.uniform(0.0, TOP_SPEED, size=(particles, len(self._low)))
-        self._places[0] = 0.5 * TOP_SPEED
-        self._speeds = np.zeros_like(self._places)
-        self._own = self._places.copy()
-        self.evaluations = 0
 
-    def minimise(self, cost: Callable[[Array], float], generations: int) -> Array:
-        """The best place found for `cost` (a function of the coordinates): particles · (generations + 1) evaluations.
+    def begin(self, m: int) -> Particles:
+        """Places drawn at random, the first in the middle; all m swarms alike."""
+        places = TOP_SPEED * _draws(self._seed, 0, (self._particles, len(self._low)))
+        places[0] = 0.5 * TOP_SPEED
+        places = np.tile(places, (m, 1, 1))
+        return Particles(places, np.zeros_like(places), places)
 
-        The particles' own bests are kept between calls as places and evaluated anew, because the cost has changed.
+    def search(
+        self, memory: Particles, cost: Callable[[Array], Array], turn: Array, generations: Array
+    ) -> tuple[Array, Particles]:
+        """The best places (m, d) found for `cost`, (m, particles, d) to (m, particles), and the particles after it.
+
+        `turn` (m): the number of the search; `generations` (m): it takes particles · (generations + 1) evaluations.
+        The particles' own bests are kept between searches as places and evaluated anew, because the cost has changed.
         """
-        bests = np.array([self._evaluate(cost, place) for place in self._own])
-        for _ in range(generations):
-            leader = self._own[int(np.argmin(bests))]
-            r1, r2 = self._rng.uniform(size=(2, *self._places.shape))
-            pull = ACCELERATION * (r1 * (self._own - self._places) + r2 * (leader - self._places))
-            self._speeds = np.clip(CONSTRICTION * (self._speeds + pull), -TOP_SPEED, TOP_SPEED)
-            self._places = np.clip(self._places + self._speeds, 0.0, TOP_SPEED)
-            costs = np.array([self._evaluate(cost, place) for place in self._places])
+        places, speeds, own = memory
+        bests = self._evaluated(cost, own)
+        most = int(generations.max())
+        shape = (most, 2, self._particles, len(self._low))
+        random = np.stack([_draws(self._seed, k, shape) for k in turn.tolist()], axis=2)
+        for generation, (r1, r2) in enumerate(random):
+            active = (generation < generations)[:, None, None]
+            pull = ACCELERATION * (r1 * (own - places) + r2 * (_leader(own, bests) - places))
+            speeds = np.where(active, np.clip(CONSTRICTION * (speeds + pull), -TOP_SPEED, TOP_SPEED), speeds)
+            places = np.where(active, np.clip(places + speeds, 0.0, TOP_SPEED), places)
+            costs = self._evaluated(cost, places)
             better = costs < bests
-            self._own[better], bests[better] = self._places[better], costs[better]
-        return np.asarray(self._low + self._width * self._own[int(np.argmin(bests))])
+            own, bests = np.where(better[..., None], places, own), np.where(better, costs, bests)
+        return self._low + self._width * _leader(own, bests)[:, 0], Particles(places, speeds, own)
 
-    def _evaluate(self, cost: Callable[[Array], float], place: Array) -> float:
-        self.evaluations += 1
-        return cost(self._low + self._width * place)
+    def _evaluated(self, cost: Callable[[Array], Array], places: Array) -> Array:
+        return cost(self._low + self._width * places)
+
+
+def _leader(own: Array, bests: Array) -> Array:
+    """The best place (m, 1, d) of each swarm."""
+    return np.take_along_axis(own, bests.argmin(axis=1)[:, None, None], axis=1)
+
+
+@lru_cache(maxsize=256)
+def _drawn(seed: int, turn: int, shape: tuple[int, ...]) -> Array:
+    return np.random.default_rng((seed, turn)).uniform(size=shape)
+
+
+def _draws(seed: int, turn: int, shape: tuple[int, ...]) -> Array:
+    """Uniform random numbers in [0, 1) of a search: the same whenever it is made again."""
+    return _drawn(seed, turn, shape).copy()
