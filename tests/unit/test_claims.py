@@ -14,7 +14,7 @@ CLAIM = {"key": "position_max_m", "source": "B", "says": "< 10 m", "at_most": 2.
 
 
 def scenario(*claims: dict[str, Any]) -> ScenarioFile:
-    return ScenarioFile.model_validate({"scenario": "s", "train": "t.yaml", "duration_s": 1.0, "claims": list(claims)})
+    return ScenarioFile.model_validate({"scenario": "s", "train": "maglev", "duration_s": 1.0, "claims": list(claims)})
 
 
 def seed(ours: float, method: float = 8.0, optimum: float = 1.0) -> dict[str, Any]:
