@@ -199,7 +199,7 @@ def test_a_folder_as_the_file_to_write_is_one_line_and_exit_code_2(recorded, tmp
 INTERRUPTED = """
 import os, signal, sys
 import milepost.cli.rerun as rerun
-from milepost.cli.main import main
+from milepost.cli.entry import main
 
 replay = rerun.replay
 
