@@ -76,9 +76,12 @@ class NoRouterError(ConnectionError):
 
 
 @contextmanager
-def open_session(config: dict[str, Any]) -> Iterator[Any]:
-    """A Zenoh session that is closed whatever happens: without that, a crashed process would keep its token alive."""
-    zenoh.init_log_from_env_or("error")
+def open_session(config: dict[str, Any], zenoh_log: str = "error") -> Iterator[Any]:
+    """A Zenoh session that is closed whatever happens: without that, a crashed process would keep its token alive.
+
+    `zenoh_log`: from which level on Zenoh logs, where RUST_LOG does not say. It writes to standard output.
+    """
+    zenoh.init_log_from_env_or(zenoh_log)
     with _open(config) as session:
         yield session
 

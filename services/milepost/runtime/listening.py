@@ -45,7 +45,8 @@ def listening(
 
         return callback
 
-    with open_session(config(endpoints)) as session:
+    # a tool's standard output is its answer, for people or machines: nothing else may stand there
+    with open_session(config(endpoints), zenoh_log="off") as session:
         kept = [session.declare_subscriber(BY_NAME[name].key_for(train), callback_for(name)) for name in streams]
         if alive is not None:
             kept.append(_tokens(session, train, alive))
