@@ -373,14 +373,3 @@ def test_where_no_hypothesis_is_left_the_bank_starts_again() -> None:
     assert all(m.holds() for m in moments)
     assert moments[-1].excluded == NOBODY
     assert moments[-1].bank.doubted == ()
-
-
-@pytest.mark.parametrize("seed", [1, 2, 3, 4, 5])
-def test_a_weak_liar_is_not_readmitted_while_it_lies(seed: int) -> None:
-    """One and a half of its standard deviations: few readings in a row tell."""
-    moments = list(replace(TRAIN, seed=seed).moments(70.0, {"first": between(FROM_S, 50.0, bias(0.15))}))
-    (found_s, units), (back_s, _) = changes(moments)
-    assert units == {"first"}
-    assert found_s > FROM_S
-    assert 50.0 < back_s < 60.0
-    assert all(m.holds() for m in moments)

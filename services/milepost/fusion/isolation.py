@@ -10,7 +10,7 @@ from .bank_state import CHANNELS, Bank, led, protected, recomposed
 from .evidence import Bounds, Flags, statistics
 from .finding import Finding
 from .hypotheses import MOTION_MODEL, NO_ALTERNATIVES, Doubts, Rows, Units, sources
-from .recovery import agrees_closely, alternatives, hold_ns, revived, widened
+from .recovery import alternatives, hold_ns, revived, widened
 from .verdicts import Exclusion, Reset, Verdict
 
 # between hypotheses one of which is true, less evidence decides than against all units at once
@@ -187,10 +187,7 @@ class Isolation:
                 verdict = verdict._replace(excluded=why._replace(at_ns=earlier.at_ns))
             return state.judged(unit, verdict._replace(probation_ns=at_ns, agreed=0))
         agreed = verdict.agreed + 1
-        # where nobody else is in use there is nothing to agree with but a prediction
-        alone = suspect.odd_alone or state.rows.excluded >= self._doubts.by_unit.keys()
-        agrees = agreed >= suspect.hold if alone else agrees_closely(finding, state.leader, verdict, suspect)
-        if not agrees or at_ns - verdict.probation_ns < hold_ns(verdict) or not state.alive[0]:
+        if agreed < suspect.hold or at_ns - verdict.probation_ns < hold_ns(verdict) or not state.alive[0]:
             return state.judged(unit, verdict._replace(agreed=agreed))
         counted_ns = at_ns if verdict.refused is None else verdict.counted_ns
         return self._readmitted(state, unit, verdict._replace(agreed=0, counted_ns=counted_ns))

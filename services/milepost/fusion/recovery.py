@@ -7,17 +7,13 @@ import numpy as np
 from milepost.estimation.layout import Array
 
 from .bank_state import Bank, protected
-from .evidence import M, statistics, window_of
-from .finding import Finding
-from .hypotheses import MOTION_MODEL, NO_ALTERNATIVES, Suspect, Units
+from .hypotheses import MOTION_MODEL, NO_ALTERNATIVES, Units
 from .verdicts import Verdict
 
 # a refuted hypothesis is taken up again from row 0, if row 0 lives so long
 REVIVE_NS = 30_000_000_000
 # how long a unit must agree with the others before it counts again: twice as long after each relapse
 PROBATION_NS, LONGEST_PROBATION_NS = 1_000_000_000, 64_000_000_000
-# a unit that agrees has means within so many σ, over as many readings as told that it did not: at most so many, and so long
-CLOSE, LONGEST_HOLD, LONGEST_HOLD_S = 2.0, 64, 7.0
 
 
 def revived(state: Bank, at_ns: int) -> Bank:
@@ -37,18 +33,6 @@ def revived(state: Bank, at_ns: int) -> Bank:
 def hold_ns(verdict: Verdict) -> int:
     """How long the unit must agree."""
     return min(LONGEST_PROBATION_NS, PROBATION_NS << min(max(0, verdict.relapses - 1), 10))
-
-
-def agrees_closely(finding: Finding, row: int, verdict: Verdict, suspect: Suspect) -> bool:
-    """Whether the unit of a finding agrees with a row as closely, and for as many readings, as told that it did not.
-
-    A weak liar's mean leaves `CLOSE` σ long before it refutes anything; by itself it would be readmitted and found again.
-    """
-    told = 0 if verdict.excluded is None else window_of(verdict.excluded.test)
-    needed = max(suspect.hold, min(told, LONGEST_HOLD, int(LONGEST_HOLD_S * suspect.readings_per_s)))
-    if verdict.agreed + 1 < needed:
-        return False
-    return bool(statistics(finding.channel.sums, finding.channel.readings)[1:M, row].max() <= CLOSE)
 
 
 def alternatives(state: Bank, excluded: Units) -> frozenset[Units]:
