@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from milepost.estimation.layout import N_COMMON, Array, Layout
-from milepost.estimation.motion import Steps
+from milepost.estimation.motion import Steps, process_noise
 from milepost.estimation.observation import Observation
 
 from .bank_state import CHANNELS, Bank, Channel
@@ -37,8 +37,7 @@ class BankKernel:
         self._isolation = Isolation(layout, doubts)
         self._stack = Stack()
         self._steps = Steps(layout, jerk_psd)
-        # what the rows of a train that moves harder have more in the common states
-        self._harder = Steps(Layout(), max(0.0, doubts.hard_jerk_psd - jerk_psd))
+        self._more_jerk_psd = max(0.0, doubts.hard_jerk_psd - jerk_psd)
 
     # --- beliefs in and out
 
@@ -82,7 +81,8 @@ class BankKernel:
             return state
         x, P = self._stack.predict(state.x, state.P, *self._steps.over(dt_s))
         if len(state.rows.hard):
-            P[state.rows.hard, :N_COMMON, :N_COMMON] += self._harder.over(dt_s)[1]
+            # the rows of a train that moves harder: Q is linear in the density
+            P[state.rows.hard, :N_COMMON, :N_COMMON] += process_noise(dt_s, self._more_jerk_psd)
         return state.moved(x, P)
 
     def take(self, state: Bank, observation: Observation) -> Bank:
