@@ -80,9 +80,11 @@ class BankKernel:
         if state.since_ns is None:
             return state
         x, P = self._stack.predict(state.x, state.P, *self._steps.over(dt_s))
-        if len(state.rows.hard):
+        if state.rows.hard:
             # the rows of a train that moves harder: Q is linear in the density
-            P[state.rows.hard, :N_COMMON, :N_COMMON] += process_noise(dt_s, self._more_jerk_psd)
+            more = process_noise(dt_s, self._more_jerk_psd)
+            for row in state.rows.hard:
+                P[row, :N_COMMON, :N_COMMON] += more
         return state.moved(x, P)
 
     def take(self, state: Bank, observation: Observation) -> Bank:
@@ -98,10 +100,8 @@ class BankKernel:
         # an odd reading is judged below; and where a decision excludes the unit, nobody asks what counted
         counts = rows and refused is None and unit not in state.rows.excluded and not (suspect and suspect.odd_alone)
         counted_ns = at_ns if counts else verdict.counted_ns
-        if suspect and suspect.never_repeats:
-            verdict = _repeated(verdict, observation)
-        verdict = verdict._replace(memory=memory, heard_ns=at_ns, counted_ns=counted_ns, gating=gating, refused=refused)
-        state = state.judged(unit, verdict)
+        said = said_by(observation) if suspect and suspect.never_repeats else None
+        state = state.judged(unit, verdict.told(said, memory, at_ns, counted_ns, gating, refused))
         learns = observation.reading is not None and unit in self._readings.learners
         for component, row in enumerate(rows):
             if learns:
@@ -146,12 +146,6 @@ def _alone(state: Bank, unit: str, odd: bool, at_ns: int) -> Verdict:
     if odd:
         return verdict._replace(refused="does not fit", odd_ns=(*verdict.odd_ns[-KEPT_ODD:], at_ns))
     return verdict._replace(refused=None, counted_ns=verdict.counted_ns if unit in state.rows.excluded else at_ns)
-
-
-def _repeated(verdict: Verdict, observation: Observation) -> Verdict:
-    """The verdict on a unit with what it says, and how often it said the same in a row before."""
-    said = said_by(observation)
-    return verdict._replace(said=said, repeats=verdict.repeats + 1 if said is not None and said == verdict.said else 0)
 
 
 def _tested(channel: Channel, e: Array, nu: Array, odd: Flags | None) -> Channel:

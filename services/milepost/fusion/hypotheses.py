@@ -114,7 +114,7 @@ class Rows:
             single[units] = doubts.chance(units) / doubts.chance(excluded)
         self.sets, self.chances = (*single, *pairs), np.array((*single.values(), *pairs.values()))
         self._single = np.arange(len(self.sets)) < len(single)
-        self.hard = np.flatnonzero([MOTION_MODEL in units for units in self.sets])
+        self.hard = tuple(i for i, units in enumerate(self.sets) if MOTION_MODEL in units)
         self.places = {units: i for i, units in enumerate(self.sets)}
         self._uses: dict[str, Flags] = {}
         self._intervals: dict[bytes, tuple[Flags, NDArray[np.float64]]] = {}

@@ -48,11 +48,11 @@ class Stack:
         g, S, nu = innovations
         A, more = self._between(P)
         K = (taken / S)[:, None] * g
-        np.matmul(K[:, :, None], g[:, None, :], out=A)
+        np.multiply(K[:, :, None], g[:, None, :], out=A)
         np.subtract(P, A, out=A)
         Ah = A @ h if h.ndim == 1 else (A @ h[:, :, None])[:, :, 0]
         B = (R if isinstance(R, float) else R[:, None]) * K - Ah
-        np.matmul(B[:, :, None], K[:, None, :], out=more)
+        np.multiply(B[:, :, None], K[:, None, :], out=more)
         A += more
         out = A + A.transpose(0, 2, 1)
         out *= 0.5
