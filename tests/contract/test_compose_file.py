@@ -9,14 +9,14 @@ import pytest
 import yaml
 
 from milepost.cli.main import DEFAULT_TRAIN
-from milepost.config.roles import ROLES, Process, processes
+from milepost.config.roles import Process, processes
 from milepost.config.shipped_files import find_file
 from milepost.config.train import load_train
 
 ROOT = Path(__file__).parents[2]
 SERVICES: dict[str, dict[str, Any]] = yaml.safe_load((ROOT / "compose.yaml").read_text(encoding="utf-8"))["services"]
 TRAIN = load_train(find_file(DEFAULT_TRAIN, "trains"))
-PROCESSES = processes(TRAIN)
+PROCESSES = processes(TRAIN, live=True)
 KEEPS = {f"filter-{unit}" for unit, sensor in TRAIN.sensors.items() if sensor.kind == "odometer"}
 
 
@@ -26,7 +26,7 @@ def test_there_is_a_container_for_each_process_and_the_router() -> None:
 
 @pytest.mark.parametrize("process", PROCESSES, ids=lambda process: process.name)
 def test_each_container_runs_its_process(process: Process) -> None:
-    unit = [process.unit] if ROLES[process.role].per_unit else []
+    unit = [] if process.unit == process.role else [process.unit]
     command = SERVICES[process.name]["command"]
     kept = ["--state-dir", "/var/lib/milepost"] if process.name in KEEPS else []
     assert command == ["run", process.role, *unit, *kept]

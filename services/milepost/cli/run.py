@@ -37,7 +37,7 @@ def run_role(
     if role not in ROLES:
         raise ConfigError("run", "ROLE", must_be_one_of(["router", *ROLES], role))
     train = load_train(train_file)
-    units = ROLES[role].units(train)
+    units = ROLES[role].instances(train)
     if not ROLES[role].per_unit:
         unit = unit or role
     if unit not in units:

@@ -13,6 +13,7 @@ from milepost.nodes.base import Node
 from milepost.nodes.faulty import FaultySensor
 from milepost.nodes.filter import FilterNode
 from milepost.nodes.fuser import FuserNode
+from milepost.nodes.replica import ReplicaNode
 from milepost.nodes.sensor import SensorNode
 from milepost.nodes.world import WorldNode
 from milepost.sensors.base import World
@@ -30,6 +31,7 @@ class Setting:
 
     `start_ns` is the UTC time of scenario time 0, `from_s` the scenario time at which the process begins, `until_s` the
     scenario time at which recordings end, where they do not end before. `faults`: what goes wrong with units' readings.
+    `live`: other replicas of the process may run beside it.
     """
 
     instance: str
@@ -38,6 +40,7 @@ class Setting:
     from_s: float = 0.0
     until_s: float | None = None
     faults: tuple[FaultEntry, ...] = ()
+    live: bool = False
 
     @classmethod
     def of(
@@ -52,7 +55,8 @@ class Setting:
 class Role:
     """A kind of process: `units` lists what a train needs it for; `uses_world`: it needs the simulated train.
 
-    `sends` are the streams of the stream table that the process for a unit sends, besides `event` and `health`.
+    `sends` are the streams of the stream table that the process for a unit sends, besides `event` and `health`. `replicas`: so
+    many processes of a live train hold the role for each unit.
     """
 
     name: str
@@ -62,6 +66,12 @@ class Role:
     units: Callable[[Train], list[str]]
     build: Callable[[Train, str, Setting], Node]
     sends: Callable[[Train, str], tuple[str, ...]]
+    replicas: Callable[[Train], int] = lambda train: 1  # noqa: ARG005
+
+    def instances(self, train: Train) -> list[str]:
+        """The units of all processes of a live train: each unit, then its standbys: `fuser`, `fuser-2`."""
+        units = self.units(train)
+        return units + [f"{unit}-{n}" for n in range(2, self.replicas(train) + 1) for unit in units]
 
 
 def _world(train: Train, unit: str, setting: Setting) -> Node:  # noqa: ARG001
@@ -106,8 +116,17 @@ def _balise(train: Train, unit: str, setting: Setting) -> Node:  # noqa: ARG001
     return BaliseNode(train.name, setting.instance, train.balise_readers, train.line)
 
 
-def _fuser(train: Train, unit: str, setting: Setting) -> Node:  # noqa: ARG001
-    return FuserNode(train.name, setting.instance, fuser_settings(train), train.line)
+def _fuser(train: Train, unit: str, setting: Setting) -> Node:
+    settings = fuser_settings(train)
+    node = FuserNode(train.name, setting.instance, settings, train.line, unit)
+    replicas = ROLES["fuser"].instances(train)
+    if not setting.live or len(replicas) == 1:
+        return node
+    return ReplicaNode(node, replicas, settings.period_ns, settings.deadline_ns)
+
+
+def _fusers(train: Train) -> int:
+    return train.file.fusion.replicas
 
 
 def _world_units(train: Train) -> list[str]:
@@ -138,7 +157,7 @@ _FUSED = "one state an epoch from all estimates and fixes"
 ROLES: dict[str, Role] = {
     role.name: role
     for role in (
-        Role("fuser", _FUSED, False, False, _one("fuser"), _fuser, _always("state", "feedback")),
+        Role("fuser", _FUSED, False, False, _one("fuser"), _fuser, _always("state", "feedback"), _fusers),
         Role("filter", "a unit's local filter", True, False, lambda t: t.fused_units, _filter, _always("estimate")),
         Role("balise", "telegrams into absolute fixes", False, False, _balise_units, _balise, _always("fix")),
         Role("sensor", "a unit's readings", True, True, lambda t: list(t.sensors), _sensor, _readings),
@@ -157,10 +176,14 @@ class Process:
 
 
 def process_name(role: str, unit: str) -> str:
-    """`sensor-radar` for a role per unit, `fuser` for the others."""
-    return f"{role}-{unit}" if ROLES[role].per_unit else role
+    """`sensor-radar` for a role per unit, `fuser` and `fuser-2` for the others."""
+    return f"{role}-{unit}" if ROLES[role].per_unit else unit
 
 
-def processes(train: Train) -> list[Process]:
-    """All processes of a train besides the router, listeners before speakers."""
-    return [Process(process_name(role.name, unit), role.name, unit) for role in ROLES.values() for unit in role.units(train)]
+def processes(train: Train, live: bool = False) -> list[Process]:
+    """All processes of a train besides the router, listeners before speakers; standbys too on a `live` train."""
+    return [
+        Process(process_name(role.name, unit), role.name, unit)
+        for role in ROLES.values()
+        for unit in (role.instances(train) if live else role.units(train))
+    ]

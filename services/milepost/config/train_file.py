@@ -77,7 +77,10 @@ SharesFile = Annotated[Fixed | BySpeed | ByAccuracy, Discriminator(_kind_of_shar
 
 
 class FusionFile(BaseModel):
-    """The settings of the fuser. Feedback is sent with every `feedback_every`-th state."""
+    """The settings of the fuser. Feedback is sent with every `feedback_every`-th state.
+
+    `replicas`: so many fusers run on a live train; one leads, the others stand by.
+    """
 
     model_config = STRICT
     rule: str = "information"
@@ -91,6 +94,7 @@ class FusionFile(BaseModel):
     false_alarms_per_hour: Positive = 0.01
     integrity_risk_per_hour: Positive = 1e-4
     lost_above_m: Positive = 100.0
+    replicas: Annotated[int, Field(ge=1, le=3)] = 1
 
     @model_validator(mode="after")
     def _known(self) -> FusionFile:

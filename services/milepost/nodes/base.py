@@ -50,6 +50,8 @@ class Node:
     subscriptions: Sequence[Subscription] = ()
     # whether it answers `latest_feedback`, and asks for it after a restart
     remembers = False
+    # whether it follows which processes of the train are there
+    watches_processes = False
 
     def __init__(self, train: str, unit: str, instance: str) -> None:
         self.train = train

@@ -31,9 +31,10 @@ class FuserNode(Node):
     """Fuses at epochs on the grid t_k = k · period; `roster` says which units an epoch waits for."""
 
     remembers = True
+    watches_processes = True
 
-    def __init__(self, train: str, instance: str, settings: FuserSettings, line: Line) -> None:
-        super().__init__(train, "fuser", instance)
+    def __init__(self, train: str, instance: str, settings: FuserSettings, line: Line, unit: str = "fuser") -> None:
+        super().__init__(train, unit, instance)
         self.subscriptions = [Subscription("estimate"), Subscription("fix")]
         self._settings = settings
         self._rule = RULES[settings.rule](

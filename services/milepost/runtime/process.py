@@ -20,7 +20,6 @@ from milepost.config.train import Train
 from milepost.config.yaml_files import ConfigError
 from milepost.estimation.time_units import NS_PER_S
 from milepost.nodes.base import Node, Output, Severity
-from milepost.nodes.fuser import FuserNode
 from milepost.nodes.world import WorldNode
 from milepost.offline.collector import rare_collection
 from milepost.sensors.base import World
@@ -79,7 +78,7 @@ def run_process(train: Train, role_name: str, unit: str, options: ProcessOptions
     # built once before anything is declared, so that a mistake in the configuration shows before anything starts
     # where nobody owns scenario time it is UTC, and begins now
     from_s = 0.0 if train.has_scenario_time else Clock().now_ns() / NS_PER_S
-    node = role.build(train, unit, Setting(instance, world, from_s=from_s, until_s=options.duration_s))
+    node = role.build(train, unit, Setting(instance, world, from_s=from_s, until_s=options.duration_s, live=True))
     # opening waits for a router inside Zenoh, where Python cannot see a signal
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     with open_session(zenoh_config.client(options.endpoints)) as session:
@@ -148,7 +147,7 @@ def _declare_alive(bus: ZenohBus, node: Node, name: str) -> None:
     """
     others = lasting_others(bus.session, bus.train, name)
     bus.declare_alive(name, node.instance)
-    if others and not isinstance(node, FuserNode):
+    if others and not node.watches_processes:
         instances = sorted({node.instance, *(token.instance for token in others)})
         change = Change(bus.train, name, tuple(instances))
         _publish_event(bus, second_instance(node, change, Clock().now_ns()))
@@ -164,7 +163,7 @@ def _listen(bus: ZenohBus, node: Node, name: str) -> None:
     for subscription in node.subscriptions:
         subscribe = bus.subscribe_to_newest if subscription.newest_only else bus.subscribe
         subscribe(subscription.stream, subscription.unit)
-    if isinstance(node, FuserNode):
+    if node.watches_processes:
         bus.watch_tokens()
     if node.remembers:
         bus.serve("latest_feedback", name)

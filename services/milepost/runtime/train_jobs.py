@@ -31,9 +31,9 @@ def checked_world(train: Train, duration_s: float | None) -> World | None:
 
 def train_jobs(train: Train, world: World | None, options: ProcessOptions) -> Iterator[Job]:
     """All processes of a train besides the router, listeners before speakers. `world` is shared by the forks."""
-    for process in processes(train):
+    for process in processes(train, live=True):
         role = ROLES[process.role]
-        unit = (process.unit,) if role.per_unit else ()
+        unit = () if process.unit == process.role else (process.unit,)
         yield Job(
             process.name,
             ("run", process.role, *unit),

@@ -1,0 +1,150 @@
+"""One of several fusers of a train: each fuses everything, one of them speaks."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+
+from milepost.estimation.observation import FUTURE_NS
+from milepost_schemas import Feedback, FusedState, Message
+
+from .base import Node, Output, Subscription
+
+# a leader of whom nothing was heard for so many epochs has lost the lead
+SILENT_EPOCHS = 3
+# a standby that hears of no leader, and may not lead, keeps no more than this
+KEPT_OUTPUTS = 1000
+
+
+class Lead:
+    """Which of a train's replicas speaks; `replicas` are the names of all, `unit` is this one's.
+
+    Of two that speak at once the one with fewer units in use gives way, between equals the later in the list. A replica that
+    is late by three epochs gives way by itself: another one may speak for it already. So one that comes back stays silent.
+    """
+
+    def __init__(self, unit: str, replicas: Sequence[str], period_ns: int, deadline_ns: int) -> None:
+        self.leads = False
+        self._rank = {name: rank for rank, name in enumerate(replicas)}
+        self._own = self._rank[unit]
+        self._others: set[str] = set()
+        self._silence_ns = (SILENT_EPOCHS + self._own) * period_ns
+        self._late_ns = SILENT_EPOCHS * period_ns + deadline_ns
+        self._heard_ns: int | None = None
+        self._awake_ns: int | None = None
+
+    def alive(self, unit: str, alive: bool) -> None:
+        """A process's token appeared or went."""
+        if unit in self._rank and self._rank[unit] != self._own:
+            (self._others.add if alive else self._others.discard)(unit)
+
+    def spoke(self, other: FusedState, units: int, now_ns: int) -> None:
+        """Another replica has published a state; this one has so many units in use."""
+        self._heard_ns = now_ns
+        rank = self._rank.get(other.unit, self._own + 1)
+        if self.leads and now_ns - other.measured_at_ns <= self._late_ns and (-len(other.sensors), rank) < (-units, self._own):
+            self.leads = False
+
+    def awake(self, now_ns: int) -> None:
+        """This replica works, as it does in every epoch unless it was stopped."""
+        stopped_ns, self._awake_ns = now_ns - (self._awake_ns or now_ns), now_ns
+        if stopped_ns > self._late_ns:
+            self._gives_way(now_ns)
+
+    def publishes(self, epoch_ns: int, now_ns: int) -> None:
+        """This replica has something to say of an epoch."""
+        if now_ns - epoch_ns > self._late_ns:
+            self._gives_way(now_ns)
+
+    def _gives_way(self, now_ns: int) -> None:
+        if self.leads and self._others:
+            self.leads, self._heard_ns = False, now_ns
+
+    def takes_over(self, now_ns: int) -> bool:
+        """Whether this replica, which has something to say, speaks from now on."""
+        if self._heard_ns is None:
+            self._heard_ns = now_ns
+        self.leads = self.leads or not self._others or now_ns - self._heard_ns >= self._silence_ns
+        return self.leads
+
+
+class ReplicaNode(Node):
+    """The fuser `inner` as one of `replicas`. What a standby has to say is kept until the leader has said it, or is silent."""
+
+    remembers = True
+    watches_processes = True
+
+    def __init__(self, inner: Node, replicas: Sequence[str], period_ns: int, deadline_ns: int) -> None:
+        super().__init__(inner.train, inner.unit, inner.instance)
+        self.inner = inner
+        self.refusals = inner.refusals
+        self.subscriptions = [*inner.subscriptions, Subscription("state")]
+        self._lead = Lead(inner.unit, replicas, period_ns, deadline_ns)
+        self._held: list[Output] = []
+        self._said_ns = 0
+        self._units = 0
+
+    @property
+    def rewinds(self) -> int:
+        """How often a late observation caused a rewind."""
+        return self.inner.rewinds
+
+    def unit_alive(self, unit: str, alive: bool) -> None:
+        """Note that a process's liveliness token appeared or was dropped."""
+        self._lead.alive(unit, alive)
+        self.inner.unit_alive(unit, alive)
+
+    def answer(self, procedure: str) -> Message | None:
+        """What the fuser remembers."""
+        return self.inner.answer(procedure)
+
+    def catch_up(self, feedback: Feedback, now_ns: int) -> bool:
+        """Continue from a running process's feedback."""
+        return self.inner.catch_up(feedback, now_ns)
+
+    def next_tick_ns(self) -> int | None:
+        """The fuser's next epoch."""
+        return self.inner.next_tick_ns()
+
+    def step(self, message: Message, now_ns: int) -> Iterator[Output]:
+        """Take what the fuser takes, and the states of other replicas."""
+        self._lead.awake(now_ns)
+        if not isinstance(message, FusedState):
+            yield from self._passed(self.inner.step(message, now_ns), now_ns)
+        elif message.instance != self.instance and message.measured_at_ns <= now_ns + FUTURE_NS:
+            self._lead.spoke(message, self._units, now_ns)
+            self._said_ns = max(self._said_ns, message.measured_at_ns)
+            self._forget()
+
+    def tick(self, now_ns: int) -> Iterator[Output]:
+        """Publish what is due, where this replica leads."""
+        self._lead.awake(now_ns)
+        yield from self._passed(self.inner.tick(now_ns), now_ns)
+
+    def _passed(self, outputs: Iterable[Output], now_ns: int) -> Iterator[Output]:
+        for output in outputs:
+            if isinstance(output.message, FusedState):
+                self._units = len(output.message.sensors)
+                self._lead.publishes(output.message.measured_at_ns, now_ns)
+            if self._lead.leads:
+                yield self._numbered(output, now_ns)
+            else:
+                self._held.append(output)
+        self._forget()
+        if self._held and self._lead.takes_over(now_ns):
+            held, self._held = self._held, []
+            yield from (self._numbered(output, now_ns) for output in held)
+        del self._held[:-KEPT_OUTPUTS]
+
+    def _forget(self) -> None:
+        """Forget what the leader has said: all up to the last epoch that it published."""
+        said = (i for i, (stream, _, m) in enumerate(self._held) if stream != "event" and m.measured_at_ns <= self._said_ns)
+        del self._held[: max(said, default=-1) + 1]
+
+    def _numbered(self, output: Output, now_ns: int) -> Output:
+        """The output with this instance's next number: what was forgotten never had one."""
+        stream, unit, message = output
+        sequence = self._sequences.get(stream, 0)
+        self._sequences[stream] = sequence + 1
+        if message.sequence == sequence:
+            return output
+        return Output(stream, unit, message.model_copy(update={"sequence": sequence, "published_at_ns": now_ns}))

@@ -1,0 +1,70 @@
+"""Two live fusers: a dispatch tool sees neither a hole nor a step where the one that leads is killed or stopped."""
+
+from __future__ import annotations
+
+import os
+import signal
+from collections import Counter
+from itertools import pairwise
+
+import pytest
+
+from conftest import Outside, Stack, start
+
+FULL = "deploy/trains/full.yaml"
+STATE = "milepost/v1/full-1/state"
+# four epochs and the deadline are 95 ms; a busy machine adds its own stalls. One fuser alone: 1.8 s
+LONGEST_GAP_S = 0.5
+
+
+@pytest.fixture(scope="module")
+def full():
+    stack, outside = start(FULL)
+    try:
+        outside.wait_state(STATE, lambda m: m["status"] == "normal", 40.0, "a normal state")
+        yield stack, outside
+    finally:
+        outside.close()
+        assert stack.stop() == 0
+
+
+def leader(outside: Outside) -> str:
+    return outside.newest(STATE)["unit"]
+
+
+def pid_of(stack: Stack, fuser: str) -> int:
+    return stack.pid_of("fuser") if fuser == "fuser" else stack.pid_of("fuser", fuser)
+
+
+def standing_by(stack: Stack, outside: Outside) -> None:
+    """Wait until the fuser that does not lead is there, and has a second of its own."""
+    key = f"milepost/v1/full-1/health/{'fuser-2' if leader(outside) == 'fuser' else 'fuser'}"
+    begun = len(outside.messages(key))
+    outside.wait_for(lambda: len(outside.messages(key)) >= begun + 3, 20.0, "three healths of the standby")
+
+
+@pytest.mark.parametrize("how", ["killed", "stopped"])
+def test_the_standby_continues(full, how: str) -> None:
+    stack, outside = full
+    standing_by(stack, outside)
+    old, begun = leader(outside), len(outside.heard[STATE]) - 1
+    pid = pid_of(stack, old)
+    os.kill(pid, signal.SIGKILL if how == "killed" else signal.SIGSTOP)
+    try:
+        new = outside.wait_state(STATE, lambda m: m["unit"] != old, 10.0, "a state of the standby")
+        outside.wait_state(STATE, lambda m: m["epoch"] > new["epoch"] + 100, 10.0, "two seconds more")
+    finally:
+        if how == "stopped":
+            os.kill(pid, signal.SIGCONT)
+    outside.wait_state(STATE, lambda m: m["epoch"] > new["epoch"] + 250, 10.0, "three seconds with both")
+
+    seen = outside.heard[STATE][begun:]
+    epochs = [message["epoch"] for _, message in seen]
+    assert set(epochs) == set(range(epochs[0], epochs[-1] + 1)), "an epoch is missing"
+    assert max(Counter(epochs).values()) == 1, "an epoch was sent twice"
+    assert epochs == sorted(epochs)
+    assert {message["status"] for _, message in seen} == {"normal"}
+    assert max(b - a for (a, _), (b, _) in pairwise(seen)) / 1e9 < LONGEST_GAP_S
+    assert {message["unit"] for _, message in seen[-100:]} == {new["unit"]}, "the one that comes back stands by"
+    steps = [b["position_m"] - a["position_m"] for (_, a), (_, b) in pairwise(seen)]
+    assert max(steps) - min(steps) < 0.1

@@ -1,0 +1,115 @@
+"""Which of two fusers speaks, by hand: epochs of 20 ms, a deadline of 15 ms."""
+
+from __future__ import annotations
+
+from milepost.nodes.replica import Lead
+from milepost_schemas import FusedState, SensorInUse
+
+MS = 1_000_000
+NAMES = ["fuser", "fuser-2"]
+
+
+def lead(unit: str, other_alive: bool = True) -> Lead:
+    out = Lead(unit, NAMES, 20 * MS, 15 * MS)
+    if other_alive:
+        out.alive(NAMES[1 - NAMES.index(unit)], True)
+    return out
+
+
+def state(unit: str, epoch_ms: int, units: int = 2) -> FusedState:
+    sensors = [SensorInUse(unit=f"u{n}", share=1.0 / units, age_s=0.0) for n in range(units)]
+    return FusedState.model_construct(unit=unit, measured_at_ns=epoch_ms * MS, sensors=sensors)
+
+
+def test_alone_it_leads_at_once() -> None:
+    assert lead("fuser-2", other_alive=False).takes_over(0)
+
+
+def test_at_the_start_the_first_in_the_list_waits_three_epochs_and_the_second_four() -> None:
+    first, second = lead("fuser"), lead("fuser-2")
+    assert [first.takes_over(t * MS) for t in (0, 59, 60)] == [False, False, True]
+    assert [second.takes_over(t * MS) for t in (0, 79, 80)] == [False, False, True]
+
+
+def test_a_standby_that_hears_the_leader_does_not_lead() -> None:
+    standby = lead("fuser-2")
+    for t in range(0, 1000, 20):
+        standby.spoke(state("fuser", t), 2, t * MS)
+        assert not standby.takes_over((t + 19) * MS)
+
+
+def test_a_standby_leads_four_epochs_after_the_last_state_of_the_leader() -> None:
+    standby = lead("fuser-2")
+    standby.spoke(state("fuser", 100), 2, 105 * MS)
+    assert [standby.takes_over(t * MS) for t in (184, 185)] == [False, True]
+
+
+def test_a_standby_leads_at_once_where_the_leader_has_ended() -> None:
+    standby = lead("fuser-2")
+    standby.spoke(state("fuser", 100), 2, 105 * MS)
+    standby.alive("fuser", False)
+    assert standby.takes_over(106 * MS)
+
+
+def test_other_processes_may_come_and_go() -> None:
+    standby = lead("fuser-2")
+    standby.spoke(state("fuser", 100), 2, 105 * MS)
+    standby.alive("filter-radar", True)
+    standby.alive("filter-radar", False)
+    assert not standby.takes_over(106 * MS)
+
+
+def leading(unit: str) -> Lead:
+    out = lead(unit, other_alive=False)
+    assert out.takes_over(0)
+    out.alive(NAMES[1 - NAMES.index(unit)], True)
+    return out
+
+
+def test_a_leader_that_was_stopped_gives_way_until_nobody_else_speaks() -> None:
+    """Three epochs and the deadline, 75 ms, without a step: another one may speak already."""
+    old = leading("fuser")
+    old.awake(1000 * MS)
+    old.awake(1075 * MS)
+    assert old.leads
+    old.awake(1151 * MS)
+    assert not old.leads
+    assert [old.takes_over(t * MS) for t in (1151, 1210, 1211)] == [False, False, True]
+
+
+def test_a_leader_that_is_late_with_an_epoch_gives_way() -> None:
+    slow = leading("fuser")
+    slow.publishes(1000 * MS, 1075 * MS)
+    assert slow.leads
+    slow.publishes(1020 * MS, 1096 * MS)
+    assert not slow.leads
+
+
+def test_alone_a_late_one_goes_on() -> None:
+    alone = lead("fuser", other_alive=False)
+    assert alone.takes_over(0)
+    alone.publishes(1000 * MS, 2000 * MS)
+    assert alone.leads
+
+
+def test_of_two_leaders_the_later_in_the_list_gives_way() -> None:
+    first, second = leading("fuser"), leading("fuser-2")
+    first.spoke(state("fuser-2", 1000), 2, 1010 * MS)
+    second.spoke(state("fuser", 1000), 2, 1010 * MS)
+    assert (first.leads, second.leads) == (True, False)
+
+
+def test_of_two_leaders_the_one_that_was_cut_off_gives_way_and_does_not_come_back() -> None:
+    """It heard no unit; the other one did."""
+    cut, whole = leading("fuser"), leading("fuser-2")
+    whole.spoke(state("fuser", 1000, units=1), 4, 1010 * MS)
+    cut.spoke(state("fuser-2", 1000, units=4), 1, 1010 * MS)
+    assert (cut.leads, whole.leads) == (False, True)
+    cut.spoke(state("fuser-2", 1020, units=4), 4, 1030 * MS)
+    assert not cut.takes_over(1040 * MS)
+
+
+def test_old_states_of_another_change_nothing() -> None:
+    second = leading("fuser-2")
+    second.spoke(state("fuser", 1000), 4, 1100 * MS)
+    assert second.leads
