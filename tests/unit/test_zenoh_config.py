@@ -39,8 +39,8 @@ def test_nobody_is_looked_for_by_multicast_or_gossip(name: str) -> None:
 
 
 @each
-def test_a_lost_peer_is_noticed_within_a_second_and_stalls_do_not_lose_samples(name: str) -> None:
-    assert read_back(CONFIGS[name], "transport/link/tx/lease") == 1000
+def test_a_lost_peer_is_noticed_within_half_a_second_and_stalls_do_not_lose_samples(name: str) -> None:
+    assert read_back(CONFIGS[name], "transport/link/tx/lease") == 500
     assert read_back(CONFIGS[name], "transport/link/tx/keep_alive") == 4
     assert read_back(CONFIGS[name], "transport/link/tx/queue/congestion_control/drop/wait_before_drop") == 20000
     assert read_back(CONFIGS[name], "transport/shared_memory/enabled") is False
@@ -67,6 +67,17 @@ def test_a_router_listens_where_it_is_told_and_connects_to_nobody() -> None:
     assert read_back(config, "mode") == "router"
     assert read_back(config, "listen/endpoints") == ["tcp/[::]:7447"]
     assert "connect" not in config
+
+
+def test_a_linked_router_connects_to_the_others_and_does_not_wait_for_them() -> None:
+    config = zenoh_config.router(["tcp/[::]:7447"], ROUTERS)
+    assert read_back(config, "connect/endpoints") == ROUTERS
+    assert read_back(config, "connect/exit_on_failure") is False
+
+
+@each
+def test_a_router_that_accepts_a_connection_and_says_nothing_is_given_up_soon(name: str) -> None:
+    assert read_back(CONFIGS[name], "transport/unicast/open_timeout") == 300
 
 
 def test_a_configuration_is_nobody_elses() -> None:

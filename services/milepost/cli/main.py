@@ -51,7 +51,9 @@ def up(
         Path | None, typer.Option("--report", help="When the run ends, write what was measured to this JSON file.")
     ] = None,
     headless: Annotated[bool, typer.Option("--headless", help="Show no live table.")] = False,
-    listen: Annotated[str, typer.Option("--listen", help="Endpoint on which the router listens.")] = DEFAULT_ENDPOINT,
+    listen: Annotated[
+        list[str], typer.Option("--listen", help="Endpoint on which the router listens. Repeat it for a second router.")
+    ] = [DEFAULT_ENDPOINT],  # noqa: B006
     state_dir: StateDirOption = None,
 ) -> None:
     """Start a train and show it: a router, and one process for each sensor, each filter, the fuser and the balise service."""
@@ -90,6 +92,7 @@ def run(
     train: TrainOption = DEFAULT_TRAIN,
     connect: ConnectOption = [DEFAULT_ENDPOINT],  # noqa: B006
     listen: Annotated[list[str], typer.Option("--listen", help="Router only: endpoints to listen on.")] = [DEFAULT_ENDPOINT],  # noqa: B006
+    link: Annotated[list[str], typer.Option("--link", help="Router only: endpoint of another router to link with.")] = [],  # noqa: B006
     config: Annotated[Path | None, typer.Option("--config", help="Router only: Zenoh configuration file to use.")] = None,
     speed: Annotated[
         float, typer.Option("--speed", min=0.01, max=1000.0, help="World only: scenario seconds per second of real time.")
@@ -103,7 +106,7 @@ def run(
     """Run one process of a train, as compose.yaml does."""
     from .run import run_role
 
-    run_role(role, unit, find_file(train, "trains"), connect, listen, config, speed, duration, parent, state_dir)
+    run_role(role, unit, find_file(train, "trains"), connect, listen, link, config, speed, duration, parent, state_dir)
 
 
 @app.command()
@@ -185,7 +188,7 @@ def schema(
 
 @app.command(**HIDDEN)  # type: ignore[arg-type]
 def display(
-    connect: Annotated[str, typer.Option("--connect")],
+    connect: Annotated[list[str], typer.Option("--connect")],
     name: Annotated[str, typer.Option("--name")],
     expect: Annotated[list[str], typer.Option("--expect")],
     mode: Annotated[str, typer.Option("--mode")],

@@ -14,6 +14,7 @@ def run_role(
     train_file: Path,
     connect: list[str],
     listen: list[str],
+    link: list[str],
     config: Path | None,
     speed: float,
     duration: float | None,
@@ -28,7 +29,7 @@ def run_role(
     if role == "router":
         if config is not None and not config.is_file():
             raise ConfigError(config, "", "no such file")
-        run_router(listen, config, parent)
+        run_router(listen, config, parent, link)
         return
     from milepost.config.mistakes import must_be_one_of
     from milepost.config.roles import ROLES

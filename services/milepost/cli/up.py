@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 
 from milepost.config.errors import ConfigError
 from milepost.runtime.endpoint import port_is_free
-from milepost.runtime.launch import ONE_THREAD, Job, share_what_is_loaded
+from milepost.runtime.launch import ONE_THREAD, Job, is_router, share_what_is_loaded
 from milepost.runtime.proc import age_s, proportional_mib
 from milepost.runtime.stop_signals import StopSignals
 from milepost.runtime.supervisor import Supervisor
@@ -42,7 +42,7 @@ class UpOptions:
     speed: float
     report: Path | None
     headless: bool
-    listen: str
+    listen: list[str]
     state_dir: Path | None
 
     @property
@@ -60,8 +60,8 @@ def run_up(options: UpOptions) -> int:
     with _nothing_to_end():
         _check(options)
         train, jobs = _load(options)
-    _say(f"starting {len(jobs) + 1} processes of {train}")
-    from .up_jobs import display_job, measuring_jobs, router_job
+    _say(f"starting {len(jobs) + len(options.listen)} processes of {train}")
+    from .up_jobs import display_job, measuring_jobs, router_jobs
 
     share_what_is_loaded()
     # the table and what processes write cannot share a terminal
@@ -70,7 +70,8 @@ def run_up(options: UpOptions) -> int:
     with StopSignals() as stop, _scratch(options.report) as scratch, _telling(to_table) as (tell, heard):
         display = display_job(options.mode, options.listen, train, [job.name for job in jobs], began_ns, heard)
         try:
-            supervisor.start(router_job(options.listen))
+            for router in router_jobs(options.listen):
+                supervisor.start(router)
             supervisor.start(display, shown=True)
             for job in (*measuring_jobs(options.listen, options.report, scratch / "stalls.jsonl"), *jobs):
                 supervisor.start(job)
@@ -102,12 +103,15 @@ def _check(options: UpOptions) -> None:
     """Raises ConfigError for what is wrong with the command line."""
     if options.report is not None and not options.report.parent.is_dir():
         raise ConfigError(options.report, "", "its folder does not exist")
-    try:
-        free = port_is_free(options.listen)
-    except ValueError as error:
-        raise ConfigError("up", "--listen", str(error)) from error
-    if not free:
-        raise ConfigError("up", "--listen", f"{options.listen} is in use; is another `milepost up` running?")
+    for i, endpoint in enumerate(options.listen):
+        try:
+            free = port_is_free(endpoint)
+        except ValueError as error:
+            raise ConfigError("up", "--listen", str(error)) from error
+        if not free:
+            raise ConfigError("up", "--listen", f"{endpoint} is in use; is another `milepost up` running?")
+        if endpoint in options.listen[:i]:
+            raise ConfigError("up", "--listen", f"{endpoint} is there twice")
 
 
 def _load(options: UpOptions) -> tuple[str, list[Job]]:
@@ -118,7 +122,7 @@ def _load(options: UpOptions) -> tuple[str, list[Job]]:
     from milepost.runtime.train_jobs import checked_world, train_jobs
 
     train = load_train(options.train_file)
-    process = ProcessOptions([options.listen], options.speed, options.duration_s, os.getpid(), options.state_dir)
+    process = ProcessOptions(options.listen, options.speed, options.duration_s, os.getpid(), options.state_dir)
     return train.name, list(train_jobs(train, checked_world(train, options.duration_s), process))
 
 
@@ -155,7 +159,7 @@ def _telling(to_table: bool) -> Iterator[tuple[Callable[[str], None], int | None
 
 def _watch(supervisor: Supervisor, stop: StopSignals, tell: Callable[[str], None], measure: bool) -> float:
     """Until asked to stop, or the train's processes have ended by themselves. Returns the largest memory seen, in MiB."""
-    train = [child for child in supervisor.children if child.name not in ("router", "display", *MEASURING)]
+    train = [child for child in supervisor.children if not is_router(child.name) and child.name not in ("display", *MEASURING)]
     largest_mib, measure_at = 0.0, time.monotonic() + MEASURE_MEMORY_EVERY_S
     while not stop.wait(LOOK_EVERY_S):
         for sentence in supervisor.watch():

@@ -52,6 +52,11 @@ class Job:
 Launch = Callable[[Job, int | None], int]
 
 
+def is_router(name: str) -> bool:
+    """Whether a job of this name is a router: `router`, `router-2`."""
+    return name.split("-")[0] == "router"
+
+
 def end_with_parent(parent: int) -> None:
     """Have the kernel kill this process when `parent`, which started it, dies. It cannot be missed or ignored."""
     if sys.platform == "linux":

@@ -9,6 +9,7 @@ import queue
 import signal
 import sys
 import uuid
+from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
@@ -182,10 +183,10 @@ def _catch_up(bus: ZenohBus, node: Node, clock: Clock) -> bool:
     return True
 
 
-def run_router(listen: list[str], config_file: Path | None, parent: int | None = None) -> None:
-    """Run a Zenoh router until stopped, or until `parent` is no longer its parent."""
+def run_router(listen: list[str], config_file: Path | None, parent: int | None = None, link: Sequence[str] = ()) -> None:
+    """Run a Zenoh router, linked with others, until stopped, or until `parent` is no longer its parent."""
     set_up_log("router")
-    config = zenoh_config.router(listen)
+    config = zenoh_config.router(listen, link)
     inbox: Inbox = queue.SimpleQueue()
     stop_on_signals(inbox)
     if config_file is not None:

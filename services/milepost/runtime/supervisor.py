@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import IO
 
-from .launch import CONFIGURATION_ERROR, Job, Launch, launch
+from .launch import CONFIGURATION_ERROR, Job, Launch, is_router, launch
 
 RESTART_AFTER_S = 0.5
 LONGEST_WAIT_S = 8.0
@@ -122,12 +122,12 @@ class Supervisor:
         return (f"{child.name} restarted",)
 
     def stop(self) -> list[str]:
-        """SIGTERM to all but the router, which goes last; SIGKILL to what is still there after three seconds.
+        """SIGTERM to all but the routers, which go last; SIGKILL to what is still there after three seconds.
 
         Returns sentences about those that had to be killed.
         """
         said = []
-        routers = [child for child in self.children if child.name == "router"]
+        routers = [child for child in self.children if is_router(child.name)]
         for group in ([child for child in self.children if child not in routers], routers):
             for child in group:
                 _send(child, signal.SIGTERM)

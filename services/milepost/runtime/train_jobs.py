@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from functools import partial
 
 from milepost.config.roles import ROLES, Process, Setting, processes
@@ -14,11 +14,17 @@ from .launch import Job
 from .process import ProcessOptions, run_process, run_router
 
 
-def router_job(endpoint: str) -> Job:
-    """The router, listening on an endpoint."""
+def router_jobs(endpoints: Sequence[str]) -> Iterator[Job]:
+    """A router on each endpoint, linked with those before it: `router`, `router-2`."""
     parent = os.getpid()
-    options = ("--listen", endpoint, "--parent", str(parent))
-    return Job("router", ("run", "router"), options, partial(run_router, [endpoint], None, parent))
+    for i, endpoint in enumerate(endpoints):
+        link = endpoints[:i]
+        options = ["--listen", endpoint, "--parent", str(parent)]
+        for other in link:
+            options += ["--link", other]
+        body = partial(run_router, [endpoint], None, parent, link)
+        second = (f"router-{i + 1}",) if i else ()
+        yield Job("".join(second) or "router", ("run", "router", *second), tuple(options), body)
 
 
 def checked_world(train: Train, duration_s: float | None) -> World | None:

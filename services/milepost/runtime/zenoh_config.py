@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 # the priorities that rows of the stream table use, in Zenoh's names for their queues
 QUEUES = ("real_time", "interactive_high", "data", "background")
 DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
+LEASE_MS, OPEN_TIMEOUT_MS = 500, 300
+RETRY = {"period_init_ms": 100, "period_max_ms": 500, "period_increase_factor": 2}
 
 
 def _base() -> dict[str, Any]:
@@ -14,10 +17,12 @@ def _base() -> dict[str, Any]:
         # multicast finds strangers on shared networks; everything here is told where to go
         "scouting": {"multicast": {"enabled": False}, "gossip": {"enabled": False}},
         "transport": {
+            # a stopped router accepts connections and says nothing: soon the next one is tried
+            "unicast": {"open_timeout": OPEN_TIMEOUT_MS},
             "link": {
                 "tx": {
-                    # a stopped or cut-off process is noticed after its own lease: 1 s
-                    "lease": 1000,
+                    # a stopped or cut-off process, or router, is noticed after its own lease
+                    "lease": LEASE_MS,
                     "keep_alive": 4,
                     # the default queue of 2 loses samples at 1 kHz after a stall
                     "queue": {"size": dict.fromkeys(QUEUES, 16), "congestion_control": {"drop": {"wait_before_drop": 20000}}},
@@ -30,12 +35,7 @@ def _base() -> dict[str, Any]:
 
 def client(endpoints: list[str]) -> dict[str, Any]:
     """A service's session: a client of one router, or of several for failover, that waits until one is there."""
-    connect = {
-        "endpoints": endpoints,
-        "timeout_ms": -1,
-        "retry": {"period_init_ms": 100, "period_max_ms": 500, "period_increase_factor": 2},
-    }
-    return {"mode": "client", "connect": connect, **_base()}
+    return {"mode": "client", "connect": {"endpoints": endpoints, "timeout_ms": -1, "retry": dict(RETRY)}, **_base()}
 
 
 def tool(endpoints: list[str], timeout_ms: int = 2000) -> dict[str, Any]:
@@ -46,6 +46,9 @@ def tool(endpoints: list[str], timeout_ms: int = 2000) -> dict[str, Any]:
     return config
 
 
-def router(listen: list[str]) -> dict[str, Any]:
-    """The site's router."""
-    return {"mode": "router", "listen": {"endpoints": listen}, **_base()}
+def router(listen: list[str], link: Sequence[str] = ()) -> dict[str, Any]:
+    """A site's router, linked with others: clients of one hear those of the others. It does not wait for them."""
+    config = {"mode": "router", "listen": {"endpoints": listen}, **_base()}
+    if link:
+        config["connect"] = {"endpoints": list(link), "timeout_ms": -1, "exit_on_failure": False, "retry": dict(RETRY)}
+    return config
