@@ -20,8 +20,8 @@ PROCESSES = processes(TRAIN, live=True)
 KEEPS = {f"filter-{unit}" for unit, sensor in TRAIN.sensors.items() if sensor.kind == "odometer"}
 
 
-def test_there_is_a_container_for_each_process_and_the_router() -> None:
-    assert sorted(SERVICES) == sorted(["router", *(process.name for process in PROCESSES)])
+def test_there_is_a_container_for_each_process_and_router() -> None:
+    assert sorted(SERVICES) == sorted(["router", "router-2", *(process.name for process in PROCESSES)])
 
 
 @pytest.mark.parametrize("process", PROCESSES, ids=lambda process: process.name)
@@ -36,6 +36,11 @@ def test_router_takes_the_file_that_zenohd_takes() -> None:
     command = SERVICES["router"]["command"]
     assert command == ["run", "router", "--config", "deploy/zenoh/router.json5"]
     assert (ROOT / command[-1]).is_file()
+
+
+def test_the_second_router_is_linked_with_the_first() -> None:
+    command = SERVICES["router-2"]["command"]
+    assert command == ["run", "router", "--listen", "tcp/0.0.0.0:7447", "--link", "tcp/router:7447"]
 
 
 @pytest.mark.parametrize("name", SERVICES)
@@ -68,7 +73,8 @@ def test_one_image_is_built_once() -> None:
     assert [name for name, service in SERVICES.items() if "build" in service] == ["router"]
 
 
-def test_only_the_router_is_reachable_and_only_from_this_machine() -> None:
-    assert [name for name, service in SERVICES.items() if "ports" in service] == ["router"]
+def test_only_the_routers_are_reachable_and_only_from_this_machine() -> None:
+    assert [name for name, service in SERVICES.items() if "ports" in service] == ["router", "router-2"]
     assert SERVICES["router"]["ports"] == ["127.0.0.1:${MILEPOST_PORT:-7447}:7447"]
-    assert {service["environment"]["MILEPOST_CONNECT"] for service in SERVICES.values()} == {"tcp/router:7447"}
+    assert SERVICES["router-2"]["ports"] == ["127.0.0.1:${MILEPOST_PORT_2:-7448}:7447"]
+    assert {service["environment"]["MILEPOST_CONNECT"] for service in SERVICES.values()} == {"tcp/router:7447 tcp/router-2:7447"}
