@@ -31,11 +31,11 @@ CELLS: list[tuple[str, str, dict[str, Any], float | None]] = [
 ]
 
 
-def ride(train_name: str, unit: str, fault: dict[str, Any]) -> Journey:
-    """Half a minute on one seed, with one fault from `ONSET_S` on."""
+def ride(train_name: str, unit: str, fault: dict[str, Any], from_s: float = ONSET_S) -> Journey:
+    """Half a minute on one seed, with one fault from `from_s` on."""
     train = load_train(ROOT / f"deploy/trains/{train_name}.yaml")
     journey = Journey(train)
-    entry = TypeAdapter(FaultEntry).validate_python({"unit": unit, "from_s": ONSET_S, **fault})
+    entry = TypeAdapter(FaultEntry).validate_python({"unit": unit, "from_s": from_s, **fault})
     simulate(train, 35.0, journey.tap, None, None, [entry])
     return journey
 
@@ -51,3 +51,9 @@ def test_a_liar_is_excluded_and_the_truth_stays_inside(
     if within_s is not None:
         found = [scenario_s(state) for state in after if any(e.unit == unit for e in state.excluded)]
         assert found[0] - ONSET_S <= within_s
+
+
+@pytest.mark.parametrize(("train", "unit"), [("metro", "radar-1"), ("full", "gnss"), ("maglev", "radar")])
+def test_a_clock_that_is_behind_from_the_start_moves_no_other_units_prior(train: str, unit: str) -> None:
+    """The prior sits at the first reading: half a second too early, it would carry all hypotheses ten metres off."""
+    assert ride(train, unit, {"kind": "clock_step", "by_s": -0.5}, from_s=0.0).outside() == []

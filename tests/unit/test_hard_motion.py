@@ -10,7 +10,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from banks import SPEED, Device, Moment, Ride, between, bias, receiver, speedometer
+from banks import SPEED, Device, Moment, Ride, between, bias, reader, receiver, speedometer
 from milepost.fusion.hypotheses import HARD, NOBODY, Doubts, Units
 
 # 20 m/s; 4 m/s² from 10 to 13 s, in the hardest test at once. The model expects white jerk of 1e-3 m²/s⁵
@@ -145,3 +145,33 @@ def test_hard_motion_costs_no_width() -> None:
         return float(np.median([high - low for (low, high), _ in (m.intervals() for m in moments)]))
 
     assert width(with_it) < 1.1 * width(without)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_a_brake_leaves_nothing_of_an_unseen_liar_in_the_row_without_it(seed: int) -> None:
+    """GIVEN a reader 1 m off from the start, which nothing shows, WHEN the train brakes THEN one row still never heard it."""
+    ride = on_this_way(EMERGENCY, speedometer("first"), speedometer("second", phase_s=0.025), reader(), seed=seed)
+    moments = list(ride.moments(20.0, {"reader": bias(1.0)}))
+    assert any(m.excluded >= HARD for m in moments)
+    last, true_m = moments[-1], EMERGENCY.position(moments[-1].t_s)
+    assert not last.excluded
+    assert last.bank.x[0][0] - true_m > 0.8
+    assert abs(last.bank.x[last.bank.rows.places[frozenset(("reader",))]][0] - true_m) < 0.3
+
+
+def test_a_row_begins_at_the_first_reading_that_it_hears() -> None:
+    """A clock that is half a second behind moves the prior of the rows that hear it, and of no other."""
+    early, late = speedometer("early"), speedometer("late", phase_s=0.5)
+    moments = list(on_this_way(Brake(0.0), early, late).moments(1.5))
+    row = moments[-1].bank.rows.places[frozenset(("early",))]
+    alone = list(on_this_way(Brake(0.0), late).moments(1.5))
+    last, own = next(m for m in reversed(moments) if m.unit == "late"), alone[-1]
+    assert last.t_s == own.t_s
+    np.testing.assert_allclose(last.bank.x[row], own.bank.x[0], rtol=1e-12)
+
+
+def test_a_row_that_hears_nobody_for_a_second_begins_where_the_first_one_began() -> None:
+    early, late = speedometer("early"), speedometer("late", phase_s=5.0)
+    moments = list(on_this_way(Brake(0.0), early, late).moments(4.0))
+    row = moments[-1].bank.rows.places[frozenset(("early",))]
+    assert moments[-1].bank.x[row][0] == pytest.approx(20.0 * moments[-1].t_s, abs=1e-6)

@@ -20,6 +20,8 @@ from .stack import Stack
 from .verdicts import Verdict
 
 NEVER_HEARD = Verdict(None)
+# how long a row's prior waits for one of its units after the first unit was heard
+LONGEST_WAIT_S = 1.0
 # so many refused fixes are remembered
 KEPT_ODD = 32
 
@@ -63,6 +65,7 @@ class BankKernel:
             alive=np.ones(H, dtype=bool),
             dead_ns=(0,) * H,
             since_ns=since_ns,
+            waiting=np.ones(H, dtype=bool) if since_ns is None else None,
         )
 
     def unpack(self, state: Bank) -> tuple[Array, Array]:
@@ -82,10 +85,21 @@ class BankKernel:
         x, P = self._stack.predict(state.x, state.P, *self._steps.over(dt_s))
         if state.rows.hard:
             # the rows of a train that moves harder: Q is linear in the density
-            more = process_noise(dt_s, self._more_jerk_psd)
-            for row in state.rows.hard:
-                P[row, :N_COMMON, :N_COMMON] += more
-        return state.moved(x, P)
+            P[state.rows.hard.start :, :N_COMMON, :N_COMMON] += process_noise(dt_s, self._more_jerk_psd)
+        return state.moved(x, P) if state.waiting is None else self._waited(state, state.waiting, x, P, dt_s)
+
+    def _waited(self, state: Bank, waiting: Flags, x: Array, P: Array, dt_s: float) -> Bank:
+        """The prior sits at the first observation that a row hears: a clock that is behind must not move the others' prior.
+
+        A row that hears nobody for long begins where the first one began.
+        """
+        waited_s = state.waited_s + dt_s
+        if waited_s <= LONGEST_WAIT_S:
+            x[waiting], P[waiting] = state.x[waiting], state.P[waiting]
+            return state._replace(x=x, P=P, waited_s=waited_s)
+        late = self.advance(state._replace(waiting=None), waited_s)
+        x[waiting], P[waiting] = late.x[waiting], late.P[waiting]
+        return state._replace(x=x, P=P, waiting=None)
 
     def take(self, state: Bank, observation: Observation) -> Bank:
         """All hypotheses after one observation, or after a whole reading."""
@@ -109,7 +123,11 @@ class BankKernel:
                 row, verdict = self._readings.learned(unit, component, row, verdict, state.x, state.P, at_ns)
                 state = state.judged(unit, verdict)
             state = self._observe(state, unit, min(component, CHANNELS - 1), row, at_ns)
-        return state._replace(since_ns=at_ns) if rows and state.since_ns is None else state
+        if rows and state.waiting is not None:
+            waiting = state.waiting & ~state.rows.uses(unit)
+            since_ns = at_ns if state.since_ns is None else state.since_ns
+            state = state._replace(since_ns=since_ns, waiting=waiting if waiting.any() else None)
+        return state
 
     def _observe(self, state: Bank, unit: str, component: int, row: Linear, at_ns: int) -> Bank:
         """Test one scalar observation against every hypothesis, and update those that use the unit."""

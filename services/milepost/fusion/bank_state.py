@@ -54,7 +54,8 @@ class Bank(NamedTuple):
 
     `x` (H, n), `P` (H, n, n); `alive` (H): not refuted; `dead_ns` (H): when refuted, 0 for those alive. `channels`:
     for the tests, apart, so that states share what does not change. `leader`: the row that is published. `since_ns`: the time
-    of the first observation that counted.
+    of the first observation that counted. `waiting` (H): rows that have heard none of their units yet, None where there are
+    none: their prior stays where it is, for `waited_s` so far.
     """
 
     x: Array
@@ -67,6 +68,8 @@ class Bank(NamedTuple):
     leader: int = 0
     since_ns: int | None = None
     reset: Reset | None = None
+    waiting: Flags | None = None
+    waited_s: float = 0.0
 
     # what each reading changes comes first, and is changed by these: `_replace` takes four times as long
 
@@ -90,6 +93,7 @@ class Bank(NamedTuple):
             P=self.P[index],
             channels=tuple(channel.of(index) for channel in self.channels),
             verdicts={u: v.continued(index) if v.noise else v for u, v in self.verdicts.items()},
+            waiting=None if self.waiting is None else self.waiting[index],
         )
 
     @property

@@ -73,7 +73,8 @@ class Doubts:
         """The hypotheses beside a set of excluded units, and the probability of each.
 
         First just these, and one cause more (a unit, or a group); then two causes more, where both at once are likelier than
-        the risk of a decorrelation time.
+        the risk of a decorrelation time, or one is hard motion: trains brake, and what a unit said before must not be in the
+        rows without it then.
         """
         single: dict[Units, float] = {excluded: 1.0}
         pairs: dict[Units, float] = {}
@@ -82,7 +83,7 @@ class Doubts:
             common = self.chance(excluded | units) / self.chance(excluded) if excluded else p
             single.setdefault(excluded | units, min(1.0, max(p, common)))
         for (one, p), (other, q) in combinations(self._causes, 2):
-            if p * q > self.risk and excluded | one | other not in single:
+            if (p * q > self.risk or other == HARD) and excluded | one | other not in single:
                 pairs.setdefault(excluded | one | other, p * q)
         return single, pairs
 
@@ -104,17 +105,21 @@ class Rows:
     """The rows of a bank: which units each leaves out, which it uses, and how far its interval reaches.
 
     Row 0 leaves out `excluded` alone. `alternatives`: other explanations of why these were excluded, not refuted so far.
-    `hard`: the places of the rows for a train that moves harder than its motion model.
+    `single` (H): rows of at most one cause more than is excluded, and of hard motion instead.
+    `hard`: the places of the rows for a train that moves harder than its motion model, which are the last ones.
     """
 
     def __init__(self, doubts: Doubts, excluded: Units, alternatives: frozenset[Units] = NO_ALTERNATIVES) -> None:
         self.doubts, self.excluded, self.alternatives = doubts, excluded, alternatives
         single, pairs = doubts.sets(excluded)
         for units in sorted(alternatives - single.keys(), key=sorted):
-            single[units] = doubts.chance(units) / doubts.chance(excluded)
-        self.sets, self.chances = (*single, *pairs), np.array((*single.values(), *pairs.values()))
-        self._single = np.arange(len(self.sets)) < len(single)
-        self.hard = tuple(i for i, units in enumerate(self.sets) if MOTION_MODEL in units)
+            kept = single if units - excluded <= HARD else pairs
+            kept[units] = doubts.chance(units) / doubts.chance(excluded)
+        chances = {**single, **pairs}
+        self.sets = tuple(sorted(chances, key=lambda units: MOTION_MODEL in units))
+        self.chances = np.array([chances[units] for units in self.sets])
+        self.single = np.array([units in single for units in self.sets])
+        self.hard = range(sum(MOTION_MODEL not in units for units in self.sets), len(self.sets))
         self.places = {units: i for i, units in enumerate(self.sets)}
         self._uses: dict[str, Flags] = {}
         self._intervals: dict[bytes, tuple[Flags, NDArray[np.float64]]] = {}
@@ -132,7 +137,7 @@ class Rows:
         Those of one cause more than is excluded; all that are plausible, once row 0 is refuted. Two causes at once, both not
         found yet, are left to the tests: each is found within seconds.
         """
-        return alive & self._single if alive[0] else self.plausible(alive)
+        return alive & self.single if alive[0] else self.plausible(alive)
 
     def intervals(self, alive: Flags) -> tuple[Flags, NDArray[np.float64]]:
         """The published rows (H), and K of each of these: Σ p_h · 2 Φ(-K_h) is the risk of one decorrelation time.

@@ -64,7 +64,7 @@ class StateWriter:
             low, high = interval(s, P[0][0], self._sigmas, accuracy_m)
             slow, fast = interval(v, P[1][1], self._sigmas)
         latitude, longitude = line.track.locate(s) if line.track is not None else (None, None)
-        status: Status = self._status(at_ns - since_ns, high - s, fused, presence) if inside else "lost"
+        status: Status = self._status(at_ns - since_ns, 0.5 * (high - low), fused, presence) if inside else "lost"
         fields = {
             **head,
             "epoch": at_ns // self._period_ns,
@@ -102,8 +102,8 @@ class StateWriter:
             place -= 1
         return self._fixes[place - 1] if place else None
 
-    def _status(self, since_start_ns: int, reach_m: float, fused: Fused, presence: Presence) -> Status:
-        if reach_m > self._lost_above_m:
+    def _status(self, since_start_ns: int, half_width_m: float, fused: Fused, presence: Presence) -> Status:
+        if half_width_m > self._lost_above_m:
             return "lost"
         if not presence.ages_s:
             return "coasting"
