@@ -150,7 +150,11 @@ class Stack:
 def stack(request: pytest.FixtureRequest) -> Iterator[Stack]:
     tool, port = find_compose(), free_port()
     project = f"milepost-test-{os.getpid()}"
-    stack = Stack([*tool, "-f", str(COMPOSE_FILE), "-p", project], project, {**os.environ, "MILEPOST_PORT": str(port), "MILEPOST_PORT_2": str(free_port())})
+    stack = Stack(
+        [*tool, "-f", str(COMPOSE_FILE), "-p", project],
+        project,
+        {**os.environ, "MILEPOST_PORT": str(port), "MILEPOST_PORT_2": str(free_port())},
+    )
     config = {
         "mode": "client",
         "connect": {"endpoints": [f"tcp/127.0.0.1:{port}"], "timeout_ms": 30000, "exit_on_failure": True},

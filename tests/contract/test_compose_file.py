@@ -77,4 +77,6 @@ def test_only_the_routers_are_reachable_and_only_from_this_machine() -> None:
     assert [name for name, service in SERVICES.items() if "ports" in service] == ["router", "router-2"]
     assert SERVICES["router"]["ports"] == ["127.0.0.1:${MILEPOST_PORT:-7447}:7447"]
     assert SERVICES["router-2"]["ports"] == ["127.0.0.1:${MILEPOST_PORT_2:-7448}:7447"]
-    assert {service["environment"]["MILEPOST_CONNECT"] for service in SERVICES.values()} == {"tcp/router:7447 tcp/router-2:7447"}
+    assert {service["environment"]["MILEPOST_CONNECT"] for service in SERVICES.values()} == {
+        "tcp/router:7447 tcp/router-2:7447"
+    }

@@ -37,11 +37,13 @@ def free_port() -> int:
 class Outside:
     """A dispatch tool: plain eclipse-zenoh and msgpack, nothing of Milepost's."""
 
-    def __init__(self, endpoint: str) -> None:
+    def __init__(self, *endpoints: str) -> None:
         config = {
             "mode": "client",
-            "connect": {"endpoints": [endpoint], "timeout_ms": 20000},
+            "connect": {"endpoints": list(endpoints), "timeout_ms": 20000},
             "scouting": {"multicast": {"enabled": False}},
+            # of two routers one that hangs is given up as soon as by the train's own processes
+            "transport": {"unicast": {"open_timeout": 300}, "link": {"tx": {"lease": 500, "keep_alive": 4}}},
         }
         self.session = zenoh.open(zenoh.Config.from_json5(json.dumps(config)))
         self.news = threading.Condition()
@@ -116,6 +118,7 @@ class Stack:
 
     def __init__(self, train: str, *options: str) -> None:
         self.endpoint = f"tcp/127.0.0.1:{free_port()}"
+        self.endpoints = [self.endpoint, *(each for each in options if each.startswith("tcp/"))]
         command = [sys.executable, "-m", "milepost", "up", "--headless", "--train", train, "--listen", self.endpoint, *options]
         self.process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
         self.errors: list[str] = []
@@ -136,7 +139,7 @@ class Stack:
 
 def start(train: str, *options: str) -> tuple[Stack, Outside]:
     stack = Stack(train, *options)
-    outside = Outside(stack.endpoint)
+    outside = Outside(*stack.endpoints)
     outside.listen("milepost/v1/**")
     outside.listen("milepost/v1/*/@sim/truth")
     outside.watch_tokens("milepost/v1/*/alive/**")

@@ -1,4 +1,4 @@
-"""Two live fusers: a dispatch tool sees neither a hole nor a step where the one that leads is killed or stopped."""
+"""Two live fusers and two routers: a dispatch tool sees neither a hole nor a step where one of them is killed or stopped."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from itertools import pairwise
 
 import pytest
 
-from conftest import Outside, Stack, start
+from conftest import Outside, Stack, free_port, start
 
 FULL = "deploy/trains/full.yaml"
 STATE = "milepost/v1/full-1/state"
@@ -19,7 +19,7 @@ LONGEST_GAP_S = 0.5
 
 @pytest.fixture(scope="module")
 def full():
-    stack, outside = start(FULL)
+    stack, outside = start(FULL, "--listen", f"tcp/127.0.0.1:{free_port()}")
     try:
         outside.wait_state(STATE, lambda m: m["status"] == "normal", 40.0, "a normal state")
         yield stack, outside
@@ -68,3 +68,28 @@ def test_the_standby_continues(full, how: str) -> None:
     assert {message["unit"] for _, message in seen[-100:]} == {new["unit"]}, "the one that comes back stands by"
     steps = [b["position_m"] - a["position_m"] for (_, a), (_, b) in pairwise(seen)]
     assert max(steps) - min(steps) < 0.1
+
+
+# the lease is 0.5 s and a router that says nothing is given up after 0.3 s; one router alone: 1.8 s and 2.3 s
+@pytest.mark.parametrize(("how", "longest_s"), [("killed", 0.5), ("stopped", 1.5)])
+def test_everybody_goes_on_with_the_other_router(full, how: str, longest_s: float) -> None:
+    stack, outside = full
+    outside.wait_state(STATE, lambda m: m["status"] == "normal", 20.0, "a normal state")
+    begun = len(outside.heard[STATE]) - 1
+    pid = stack.pid_of("router")
+    os.kill(pid, signal.SIGKILL if how == "killed" else signal.SIGSTOP)
+    try:
+        first = outside.newest(STATE)["epoch"]
+        outside.wait_state(STATE, lambda m: m["epoch"] > first + 150, 10.0, "three seconds more")
+    finally:
+        if how == "stopped":
+            os.kill(pid, signal.SIGCONT)
+    outside.wait_state(STATE, lambda m: m["status"] == "normal", 20.0, "normal again")
+    seen = outside.heard[STATE][begun:]
+    assert max(b - a for (a, _), (b, _) in pairwise(seen)) / 1e9 < longest_s
+    epochs = [message["epoch"] for _, message in seen]
+    assert epochs == sorted(epochs)
+    truth = {m["measured_at_ns"]: m for m in outside.messages("milepost/v1/full-1/@sim/truth")}
+    compared = [(m, truth[m["measured_at_ns"]]) for _, m in seen if m["measured_at_ns"] in truth]
+    assert compared
+    assert all(m["position_min_m"] <= t["position_m"] <= m["position_max_m"] for m, t in compared)
