@@ -44,8 +44,8 @@ def test_the_second_router_is_linked_with_the_first() -> None:
 
 
 @pytest.mark.parametrize("name", SERVICES)
-def test_a_crashed_process_is_restarted_unless_it_is_the_world(name: str) -> None:
-    assert SERVICES[name]["restart"] == ("no" if name == "world" else "on-failure")
+def test_a_crashed_process_is_restarted(name: str) -> None:
+    assert SERVICES[name]["restart"] == "on-failure"
 
 
 @pytest.mark.parametrize("name", SERVICES)

@@ -93,3 +93,21 @@ def test_everybody_goes_on_with_the_other_router(full, how: str, longest_s: floa
     compared = [(m, truth[m["measured_at_ns"]]) for _, m in seen if m["measured_at_ns"] in truth]
     assert compared
     assert all(m["position_min_m"] <= t["position_m"] <= m["position_max_m"] for m, t in compared)
+
+
+def test_a_world_that_is_killed_comes_back_and_the_truth_goes_on(full) -> None:
+    stack, outside = full
+    truth = "milepost/v1/full-1/@sim/truth"
+    old, begun = outside.newest(truth), len(outside.messages(STATE))
+    os.kill(stack.pid_of("world"), signal.SIGKILL)
+    outside.wait_for(lambda: outside.newest(truth)["instance"] != old["instance"], 20.0, "the truth of another world")
+    first = next(m for m in outside.messages(truth) if m["instance"] != old["instance"])
+    outside.wait_for(lambda: len(outside.messages(STATE)) > begun + 400, 20.0, "eight seconds of states")
+    away_s = (first["measured_at_ns"] - old["measured_at_ns"]) / 1e9
+    assert 0.0 < away_s < 5.0
+    # the train has gone on meanwhile, as its sensors say
+    assert first["position_m"] - old["position_m"] == pytest.approx(away_s * old["speed_mps"], rel=0.2)
+    known = {m["measured_at_ns"]: m for m in outside.messages(truth) if m["instance"] == first["instance"]}
+    compared = [(m, known[m["measured_at_ns"]]) for m in outside.messages(STATE)[begun:] if m["measured_at_ns"] in known]
+    assert compared
+    assert all(m["position_min_m"] <= t["position_m"] <= m["position_max_m"] for m, t in compared)

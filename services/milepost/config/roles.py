@@ -80,7 +80,7 @@ def _world(train: Train, unit: str, setting: Setting) -> Node:  # noqa: ARG001
     motion = setting.world.motion if setting.world is not None else None
     end_s = motion.end_s if motion is not None else min(train.recorded_end_s, setting.until_s or math.inf)
     period_ns = train.file.fusion.period_ms * 1_000_000
-    return WorldNode(train.name, setting.instance, motion, end_s, setting.start_ns, period_ns)
+    return WorldNode(train.name, setting.instance, motion, end_s, setting.start_ns, period_ns, setting.from_s)
 
 
 def _sensor(train: Train, unit: str, setting: Setting) -> Node:

@@ -27,6 +27,7 @@ class Lead:
         self._rank = {name: rank for rank, name in enumerate(replicas)}
         self._own = self._rank[unit]
         self._others: set[str] = set()
+        self._left_alone = False
         self._silence_ns = (SILENT_EPOCHS + self._own) * period_ns
         self._late_ns = SILENT_EPOCHS * period_ns + deadline_ns
         self._heard_ns: int | None = None
@@ -34,8 +35,10 @@ class Lead:
 
     def alive(self, unit: str, alive: bool) -> None:
         """A process's token appeared or went."""
-        if unit in self._rank and self._rank[unit] != self._own:
-            (self._others.add if alive else self._others.discard)(unit)
+        if unit not in self._rank or self._rank[unit] == self._own:
+            return
+        (self._others.add if alive else self._others.discard)(unit)
+        self._left_alone = not self._others
 
     def spoke(self, other: FusedState, units: int, now_ns: int) -> None:
         """Another replica has published a state; this one has so many units in use."""
@@ -60,10 +63,13 @@ class Lead:
             self.leads, self._heard_ns = False, now_ns
 
     def takes_over(self, now_ns: int) -> bool:
-        """Whether this replica, which has something to say, speaks from now on."""
+        """Whether this replica, which has something to say, speaks from now on.
+
+        One that has just begun listens first: it does not know yet who else is there.
+        """
         if self._heard_ns is None:
             self._heard_ns = now_ns
-        self.leads = self.leads or not self._others or now_ns - self._heard_ns >= self._silence_ns
+        self.leads = self.leads or self._left_alone or now_ns - self._heard_ns >= self._silence_ns
         return self.leads
 
 

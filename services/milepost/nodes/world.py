@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+from milepost.estimation.time_units import NS_PER_S
 from milepost.simulation.motion import Motion
 from milepost_schemas import Truth
 
@@ -11,15 +12,17 @@ from .base import Node, Output
 
 
 class WorldNode(Node):
-    """Publishes the truth at each epoch until scenario time ends, at `end_s`. Without a motion there is no truth."""
+    """Publishes the truth at each epoch from scenario time `from_s` to its end, `end_s`. Without a motion there is no truth."""
 
-    def __init__(self, train: str, instance: str, motion: Motion | None, end_s: float, start_ns: int, period_ns: int) -> None:
+    def __init__(
+        self, train: str, instance: str, motion: Motion | None, end_s: float, start_ns: int, period_ns: int, from_s: float = 0.0
+    ) -> None:
         super().__init__(train, "world", instance)
         self.end_s = end_s
         self._motion = motion
         self._start_ns = start_ns
         self._period_ns = period_ns
-        self._next_ns = -(-start_ns // period_ns) * period_ns
+        self._next_ns = -(-(start_ns + round(from_s * NS_PER_S)) // period_ns) * period_ns
         # half a period late: no process waits for the truth, and the others need the processor at the epoch itself
         self._delay_ns = period_ns // 2
 

@@ -90,7 +90,7 @@ def run_process(train: Train, role_name: str, unit: str, options: ProcessOptions
         with ExitStack() as announced:
             start: SimulationStart | None = None
             if train.has_scenario_time:
-                start = _scenario_start(bus, train, node, options.speed, announced)
+                start = _scenario_start(bus, train, node, name, options.speed, announced)
                 if start is None:
                     return
             clock = Clock(start)
@@ -121,21 +121,28 @@ def _run(runner: Runner, bus: ZenohBus, node: Node, clock: Clock, train: Train, 
         store.write()
 
 
-def _scenario_start(bus: ZenohBus, train: Train, node: Node, speed: float, announced: ExitStack) -> SimulationStart | None:
+def _scenario_start(
+    bus: ZenohBus, train: Train, node: Node, name: str, speed: float, announced: ExitStack
+) -> SimulationStart | None:
     """When scenario time begins: `world` says it once all others are there, and answers until `announced` is closed.
 
-    None if stopped meanwhile.
+    None if stopped meanwhile. A `world` that was restarted asks the others, who remember it.
     """
     if not isinstance(node, WorldNode):
-        return scenario_time.wait_for_start(bus)
+        told = scenario_time.wait_for_start(bus)
+        if told is not None:
+            announced.callback(scenario_time.remember(bus, name, told).undeclare)
+        return told
 
     def tell(severity: Severity, code: str, text: str) -> None:
         _publish_event(bus, node.event(severity, code, text, Clock().now_ns()))
 
-    others = {process.name for process in processes(train) if process.role != "world"}
-    if not scenario_time.wait_for_processes(bus, others, tell):
-        return None
-    start = scenario_time.choose_start(node.end_s, speed)
+    start = scenario_time.remembered(bus)
+    if start is None:
+        others = {process.name for process in processes(train) if process.role != "world"}
+        if not scenario_time.wait_for_processes(bus, others, tell):
+            return None
+        start = scenario_time.choose_start(node.end_s, speed)
     announced.callback(scenario_time.announce(bus, start).undeclare)
     return start
 

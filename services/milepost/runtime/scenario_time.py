@@ -11,7 +11,7 @@ from typing import Any
 import msgpack
 
 from milepost.nodes.base import Severity
-from milepost_schemas import SimulationStart, simulation_start_key
+from milepost_schemas import SimulationStart, rpc_key, simulation_start_key
 
 from .bus import AliveChange, Stop, ZenohBus
 from .instances import Instances
@@ -23,6 +23,8 @@ GRID_NS = 100_000_000
 ASK_EVERY_S = 0.1
 SAY_WAITING_EVERY_S = 5.0
 WAIT_FOR_OTHERS_S = 30.0
+ASK_OTHERS_S = 0.5
+REMEMBERED = "simulation_start"
 
 
 def wait_for_processes(
@@ -73,7 +75,23 @@ def choose_start(length_s: float, speed: float) -> SimulationStart:
 
 def announce(bus: ZenohBus, start: SimulationStart) -> Any:
     """Answer whoever asks when scenario time began. Keep what it returns."""
-    key = simulation_start_key(bus.train)
+    return _answer(bus, simulation_start_key(bus.train), start)
+
+
+def remember(bus: ZenohBus, name: str, start: SimulationStart) -> Any:
+    """Answer a `world` that was restarted, and asks when scenario time began. Keep what it returns."""
+    return _answer(bus, rpc_key(bus.train, REMEMBERED, name), start)
+
+
+def remembered(bus: ZenohBus) -> SimulationStart | None:
+    """When scenario time began, if other processes remember it: `world` was restarted, and the train runs on."""
+    for reply in bus.session.get(rpc_key(bus.train, REMEMBERED), timeout=ASK_OTHERS_S):
+        if reply.ok is not None:
+            return SimulationStart.model_validate(msgpack.unpackb(reply.ok.payload.to_bytes()))
+    return None
+
+
+def _answer(bus: ZenohBus, key: str, start: SimulationStart) -> Any:
     payload = msgpack.packb(start.__dict__)
 
     def answer(query: Any) -> None:

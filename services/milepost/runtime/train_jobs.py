@@ -45,8 +45,6 @@ def train_jobs(train: Train, world: World | None, options: ProcessOptions) -> It
             ("run", process.role, *unit),
             _command_options(train, process, options),
             partial(run_process, train, process.role, process.unit, options, world if role.uses_world else None),
-            # a world that begins again would put truth and sensors on different times
-            restart=process.role != "world",
         )
 
 
