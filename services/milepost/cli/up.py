@@ -103,6 +103,8 @@ def _check(options: UpOptions) -> None:
     """Raises ConfigError for what is wrong with the command line."""
     if options.report is not None and not options.report.parent.is_dir():
         raise ConfigError(options.report, "", "its folder does not exist")
+    if options.report is not None and options.report.is_dir():
+        raise ConfigError(options.report, "", "is a folder; the report is a file")
     for i, endpoint in enumerate(options.listen):
         try:
             free = port_is_free(endpoint)
