@@ -72,9 +72,8 @@ class Doubts:
     def sets(self, excluded: Units) -> tuple[dict[Units, float], dict[Units, float]]:
         """The hypotheses beside a set of excluded units, and the probability of each.
 
-        First just these, and one cause more (a unit, or a group); then two causes more, where both at once are likelier than
-        the risk of a decorrelation time, or one is hard motion: trains brake, and what a unit said before must not be in the
-        rows without it then.
+        First just these, and one cause more (a unit, or a group); then two causes more. Those are not published, but what they
+        never heard is not lost when one unit is excluded, or the train brakes hard, while another one lies unseen.
         """
         single: dict[Units, float] = {excluded: 1.0}
         pairs: dict[Units, float] = {}
@@ -83,7 +82,7 @@ class Doubts:
             common = self.chance(excluded | units) / self.chance(excluded) if excluded else p
             single.setdefault(excluded | units, min(1.0, max(p, common)))
         for (one, p), (other, q) in combinations(self._causes, 2):
-            if (p * q > self.risk or other == HARD) and excluded | one | other not in single:
+            if excluded | one | other not in single:
                 pairs.setdefault(excluded | one | other, p * q)
         return single, pairs
 

@@ -36,11 +36,11 @@ def hold_ns(verdict: Verdict) -> int:
 
 
 def alternatives(state: Bank, excluded: Units) -> frozenset[Units]:
-    """The rows alive of a train that moves harder, which explain otherwise why units are excluded."""
+    """The rows alive that explain otherwise why units are excluded; none where the train moves harder."""
     if MOTION_MODEL in excluded:
         return NO_ALTERNATIVES
-    held = (state.rows.sets[i] for i in state.rows.hard if state.alive[i])
-    return frozenset(units for units in held if not units >= excluded)
+    alive = (units for units, lives in zip(state.rows.sets, state.alive, strict=True) if lives)
+    return frozenset(units for units in alive if not units >= excluded)
 
 
 def widened(state: Bank, row: int, limit: float) -> Array:
