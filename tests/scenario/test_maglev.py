@@ -141,9 +141,9 @@ class TestRadarAndLoopSilent:
     def test_it_coasts_and_comes_back(self, journey):
         """It is lost once it might have braked by more than `lost_above_m`, and knows its place again with the next balise."""
         during = journey.between(6.52, 13.48)
-        assert {s.status for s in during if scenario_s(s) < 9.5} == {"coasting"}
+        assert {s.status for s in during if scenario_s(s) < 9.3} == {"coasting"}
         limit_m = journey.train.file.fusion.lost_above_m
-        assert {(s.status == "lost") == (s.position_max_m - s.position_m > limit_m) for s in during} == {True}
+        assert {(s.status == "lost") == (s.position_max_m - s.position_min_m > 2.0 * limit_m) for s in during} == {True}
         assert {s.status for s in during} == {"coasting", "lost"}
         assert {e.unit for e in during[0].excluded} == {"radar", "loop"}
         assert not any(s.sensors for s in during)

@@ -124,8 +124,8 @@ def test_a_judge_that_remembers_judges_once_at_the_leading_belief() -> None:
     line = timeline()
     line.insert(speed("v", 0.0, 26.0), T0 + NS_PER_S)
     before = line.state_at(T0)
-    assert before.rows.sets == (frozenset(), frozenset("u"), frozenset("v"))
-    assert before.x[:, 1] == pytest.approx([24.8, 24.8, 20.0])
+    assert before.rows.sets == (frozenset(), frozenset("u"), frozenset("v"), frozenset("uv"))
+    assert before.x[:, 1] == pytest.approx([24.8, 24.8, 20.0, 20.0])
     line.insert(spoken(0.001, 20.0), T0 + NS_PER_S)
     refused = line.state_at(T0 + 1_000_000)
     assert (refused.verdicts["u"].memory, refused.verdicts["u"].refused) == (1, "off")
@@ -134,10 +134,11 @@ def test_a_judge_that_remembers_judges_once_at_the_leading_belief() -> None:
     counted = line.state_at(T0 + 2_000_000)
     assert (counted.verdicts["u"].memory, counted.verdicts["u"].refused) == (1, None)
     # R = 1 beside variances of 0.8 and 4
-    assert counted.x[:, 1] == pytest.approx([24.8 + 2.2 * 0.8 / 1.8, 24.8, 20.0 + 7.0 * 0.8], abs=1e-2)
+    assert counted.x[:, 1] == pytest.approx([24.8 + 2.2 * 0.8 / 1.8, 24.8, 20.0 + 7.0 * 0.8, 20.0], abs=1e-2)
 
 
 def test_a_pure_reading_is_linearised_at_each_hypothesis_own_belief() -> None:
+    """The prior of those that do not hear v is still at its place when u is heard."""
     line = timeline(Squared())
     line.insert(speed("v", 0.0, 21.0), T0 + NS_PER_S)
     line.insert(spoken(1.0, 410.0), T0 + NS_PER_S)
@@ -145,8 +146,7 @@ def test_a_pure_reading_is_linearised_at_each_hypothesis_own_belief() -> None:
     F, Q = transition(1.0), process_noise(1.0, 0.01)
     heard = update(MEAN, COVARIANCE, np.array([0.0, 1.0, 0.0]), 21.0, 1.0)
     for units, x, P in zip(state.rows.sets, state.x, state.P, strict=True):
-        mean, covariance = (MEAN, COVARIANCE) if "v" in units else heard
-        mean, covariance = F @ mean, F @ covariance @ F.T + Q
+        mean, covariance = (MEAN, COVARIANCE) if "v" in units else (F @ heard[0], F @ heard[1] @ F.T + Q)
         if "u" not in units:
             h = np.array([0.0, 2.0 * mean[1], 0.0])
             mean, covariance = update(mean, covariance, h, 410.0 + mean[1] ** 2, 4.0)
