@@ -36,10 +36,7 @@ class Campaign:
     def as_dict(self) -> dict[str, Any]:
         """All figures as one JSON object; the unit of each is at the end of its name."""
         head = {"campaign": self.file.campaign, "seed": self.seed, "runs_per_cell": self.runs, "code": code_fingerprint()}
-        trains = {
-            name: {"train": entry.train, "duration_s": entry.duration_s, "onset_s": entry.onset_s}
-            for name, entry in self.file.trains.items()
-        }
+        trains = {name: entry.model_dump() for name, entry in self.file.trains.items()}
         return {**head, "trains": trains, "violated_cells": len(self.violated), "cells": self.cells}
 
 

@@ -97,7 +97,7 @@ class Isolation:
             return None
         places, mean, reach = prior
         far = np.abs(state.x[:, places] - mean) > reach
-        return np.asarray(far.any(axis=1)) if far.any() else None
+        return np.asarray(far.any(axis=1)) if np.count_nonzero(far) else None
 
     def _margins(self, state: Bank) -> Array:
         """Each row's worst test over all units that it uses."""
