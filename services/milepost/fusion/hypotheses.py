@@ -118,6 +118,7 @@ class Rows:
         self.sets = tuple(sorted(chances, key=lambda units: MOTION_MODEL in units))
         self.chances = np.array([chances[units] for units in self.sets])
         self.single = np.array([units in single for units in self.sets])
+        self._onward = np.array([units >= excluded or units - excluded <= HARD for units in self.sets])
         self.hard = range(sum(MOTION_MODEL not in units for units in self.sets), len(self.sets))
         self.places = {units: i for i, units in enumerate(self.sets)}
         self._uses: dict[str, Flags] = {}
@@ -155,8 +156,12 @@ class Rows:
         return kept
 
     def plausible(self, alive: Flags) -> Flags:
-        """The rows alive that are not far less likely from the outset than another row alive."""
-        return np.asarray(alive & (self.chances > PLAUSIBLE * self.chances[alive].max(initial=0.0)))
+        """The rows alive that are not far less likely from the outset than another row alive.
+
+        What explains an exclusion otherwise is asked only where nothing is left that goes on from it.
+        """
+        held = alive & self._onward if (alive & self._onward).any() else alive
+        return np.asarray(held & (self.chances > PLAUSIBLE * self.chances[held].max(initial=0.0)))
 
     def smallest(self, rows: Flags) -> int | None:
         """The row of these whose set is contained in that of every other; None where they contradict each other."""
