@@ -190,6 +190,15 @@ def test_an_alternative_has_the_chance_of_its_causes_over_those_excluded() -> No
     assert rows.published(np.ones(len(rows.sets), dtype=bool))[rows.places[HARD]]
 
 
+def test_another_explanation_is_plausible_only_where_nothing_goes_on_from_the_exclusion() -> None:
+    """b and c, which agree with each other, are rarely both wrong: it is asked last. Hard motion is one cause, and is not."""
+    rows = Rows(doubts(OFTEN, hard_motion_probability=1e-4), A, frozenset((HARD, B | C)))
+    beside = flags(rows, A | C, HARD, B | C)
+    assert rows.plausible(beside).tolist() == flags(rows, HARD).tolist()
+    assert rows.plausible(flags(rows, A | C, B | C)).tolist() == flags(rows, A | C).tolist()
+    assert rows.plausible(flags(rows, B | C)).tolist() == flags(rows, B | C).tolist()
+
+
 def test_with_one_wheel_excluded_the_others_are_as_likely_as_their_common_cause() -> None:
     """Alone 1e-5; but a slip of both, 4e-4, is two fifths of the first's own fault."""
     rates = {"a": 1e-3, "b": 1e-5}
