@@ -41,9 +41,6 @@ class Mortal(Wrapped):
         waiting, self._waiting = self._waiting, []
         return [out for each in (*waiting, message) for out in super(Mortal, self).step(each, now_ns)]
 
-    def tick(self, now_ns: int) -> Iterable[Output]:
-        return super().tick(now_ns)
-
     def next_tick_ns(self) -> int | None:
         due_ns = super().next_tick_ns()
         return None if self.dead or due_ns is None else max(due_ns, self.stopped_until_ns)
