@@ -129,10 +129,10 @@ class WheelWatch:
         reported, too_long = self.memory.slip, self.memory.too_long
         if slip is not None and slip != reported:
             reported = slip
-            text = f"slip ratio {ratio:+.3f} at {abs(v) * 3.6:.1f} km/h: the odometer's filter leaves its readings out"
+            text = f"slip ratio {ratio:+.3f} at {abs(v) * 3.6:.1f} km/h: its filter leaves its readings out"
             self._notices.append(Notice("warning", slip, text))
         elif first:
-            text = f"{nu:+.3f} m/s off the fused speed of {abs(v) * 3.6:.1f} km/h: the odometer's filter leaves its readings out"
+            text = f"{nu:+.3f} m/s off the fused speed of {abs(v) * 3.6:.1f} km/h: its filter leaves its readings out"
             self._notices.append(Notice("info", "wheel_off", text))
         if t_s - since_s > options.longest_s and not too_long:
             too_long = True
