@@ -104,20 +104,24 @@ class Rows:
     """The rows of a bank: which units each leaves out, which it uses, and how far its interval reaches.
 
     Row 0 leaves out `excluded` alone. `alternatives`: other explanations of why these were excluded, not refuted so far.
-    `single` (H): rows of at most one cause more than is excluded, and of hard motion instead.
+    `blamed`: what was excluded a short while ago, or is: rows of two causes that explain it otherwise are as likely as they
+    are beside that. `near` (H): rows of at most one cause more than is excluded, and those that explain it otherwise.
     `hard`: the places of the rows for a train that moves harder than its motion model, which are the last ones.
     """
 
-    def __init__(self, doubts: Doubts, excluded: Units, alternatives: frozenset[Units] = NO_ALTERNATIVES) -> None:
+    def __init__(
+        self, doubts: Doubts, excluded: Units, alternatives: frozenset[Units] = NO_ALTERNATIVES, blamed: Units = NOBODY
+    ) -> None:
         self.doubts, self.excluded, self.alternatives = doubts, excluded, alternatives
+        self.blamed = blamed or excluded
         single, pairs = doubts.sets(excluded)
-        for units in sorted(alternatives - single.keys(), key=sorted):
-            kept = single if units - excluded <= HARD else pairs
-            kept[units] = doubts.chance(units) / doubts.chance(excluded)
+        for units in (*sorted(alternatives, key=sorted), *pairs):
+            if units not in single and not units >= self.blamed:
+                pairs[units] = doubts.chance(units) / doubts.chance(self.blamed)
         chances = {**single, **pairs}
         self.sets = tuple(sorted(chances, key=lambda units: MOTION_MODEL in units))
         self.chances = np.array([chances[units] for units in self.sets])
-        self.single = np.array([units in single for units in self.sets])
+        self.near = np.array([units in single or not units >= self.blamed for units in self.sets])
         self._onward = np.array([units >= excluded or units - excluded <= HARD for units in self.sets])
         self.hard = range(sum(MOTION_MODEL not in units for units in self.sets), len(self.sets))
         self.places = {units: i for i, units in enumerate(self.sets)}
@@ -134,10 +138,10 @@ class Rows:
     def published(self, alive: Flags) -> Flags:
         """The rows whose intervals are published together.
 
-        Those of one cause more than is excluded; all that are plausible, once row 0 is refuted. Two causes at once, both not
-        found yet, are left to the tests: each is found within seconds.
+        Those near to what is excluded; all that are plausible, once row 0 is refuted. Two causes at once, both not found yet,
+        are left to the tests, as long as nothing was excluded that they would explain.
         """
-        return alive & self.single if alive[0] else self.plausible(alive)
+        return alive & self.near if alive[0] else self.plausible(alive)
 
     def intervals(self, alive: Flags) -> tuple[Flags, NDArray[np.float64]]:
         """The published rows (H), and K of each of these: Σ p_h · 2 Φ(-K_h) is the risk of one decorrelation time.

@@ -9,8 +9,8 @@ from milepost.estimation.layout import N_COMMON, Array, Layout
 from .bank_state import CHANNELS, Bank, led, protected, recomposed
 from .evidence import Bounds, Flags, statistics
 from .finding import Finding
-from .hypotheses import MOTION_MODEL, NO_ALTERNATIVES, Doubts, Rows, Units, sources
-from .recovery import alternatives, hold_ns, revived, widened
+from .hypotheses import MOTION_MODEL, NO_ALTERNATIVES, NOBODY, Doubts, Rows, Units, sources
+from .recovery import WARY_NS, alternatives, hold_ns, revived, widened
 from .verdicts import Exclusion, Reset, Verdict
 
 # between hypotheses one of which is true, less evidence decides than against all units at once
@@ -24,7 +24,7 @@ class Isolation:
         self._doubts, self._limit = doubts, doubts.threshold
         self._bounds, self._soft_bounds = Bounds(self._limit), Bounds(SOFT * self._limit)
         self._channels = {s.unit: CHANNELS * i for i, s in enumerate(doubts.suspects)}
-        self._kept: dict[tuple[Units, frozenset[Units]], Rows] = {}
+        self._kept: dict[tuple[Units, frozenset[Units], Units], Rows] = {}
         own = {
             unit: slice(places[N_COMMON], places[-1] + 1) for unit, places in layout.indices.items() if len(places) > N_COMMON
         }
@@ -32,11 +32,14 @@ class Isolation:
         spread = self._limit * np.sqrt(np.diagonal(std))
         self._priors = {unit: (places, mean[places], spread[places]) for unit, places in own.items()}
 
-    def rows(self, excluded: Units, alternatives: frozenset[Units] = NO_ALTERNATIVES) -> Rows:
-        """The rows beside a set of excluded units, and the other explanations that are still held."""
-        rows = self._kept.get((excluded, alternatives))
+    def rows(
+        self, excluded: Units, alternatives: frozenset[Units] = NO_ALTERNATIVES, blamed: Units = NOBODY
+    ) -> Rows:
+        """The rows beside a set of excluded units, the other explanations that are still held, and what was blamed before."""
+        key = excluded, alternatives, blamed or excluded
+        rows = self._kept.get(key)
         if rows is None:
-            rows = self._kept[excluded, alternatives] = Rows(self._doubts, excluded, alternatives)
+            rows = self._kept[key] = Rows(self._doubts, *key)
         return rows
 
     def channel(self, unit: str) -> int:
@@ -56,6 +59,8 @@ class Isolation:
                 state = self._probation(state, finding)
             if MOTION_MODEL in state.rows.excluded:
                 state = self._motion_probation(state, at_ns)
+            if state.rows.blamed != state.rows.excluded and at_ns > state.wary_until_ns:
+                state = state._replace(rows=self.rows(state.rows.excluded, state.rows.alternatives))
             return revived(state, at_ns) if any(state.dead_ns) and state.alive[0] else state
         alive = state.alive & ~fired
         # where the leading row stands, the evidence is that against the row most refuted
@@ -190,20 +195,22 @@ class Isolation:
         if agreed < suspect.hold or at_ns - verdict.probation_ns < hold_ns(verdict) or not state.alive[0]:
             return state.judged(unit, verdict._replace(agreed=agreed))
         counted_ns = at_ns if verdict.refused is None else verdict.counted_ns
-        return self._readmitted(state, unit, verdict._replace(agreed=0, counted_ns=counted_ns))
+        return self._readmitted(state, unit, verdict._replace(agreed=0, counted_ns=counted_ns), at_ns)
 
     def _motion_probation(self, state: Bank, at_ns: int) -> Bank:
         """Take the motion model up again after its probation; where the train still moves harder, it is refuted again."""
         verdict = state.verdicts[MOTION_MODEL]
         if at_ns - verdict.probation_ns < hold_ns(verdict) or not state.alive[0]:
             return state
-        return self._readmitted(state, MOTION_MODEL, verdict)
+        return self._readmitted(state, MOTION_MODEL, verdict, at_ns)
 
-    def _readmitted(self, state: Bank, unit: str, verdict: Verdict) -> Bank:
+    def _readmitted(self, state: Bank, unit: str, verdict: Verdict, at_ns: int) -> Bank:
         """Every row continues the one without the unit."""
         old, units = state.rows, state.rows.excluded - {unit}
-        new = self.rows(units, alternatives(state, units))
-        out = recomposed(state, new, sources(new, old, state.alive, lambda s: (s | {unit}, s), state.leader))
+        new = self.rows(units, alternatives(state, units), old.blamed)
+        # a row that never left the unit out explains otherwise why it was excluded: it goes on by itself
+        out = recomposed(state, new, sources(new, old, state.alive, lambda s: (s, s | {unit}), state.leader))
+        out = out._replace(wary_until_ns=at_ns + WARY_NS)
         return self._fresh(out, unit).judged(unit, verdict._replace(excluded=None, noise=out.verdicts[unit].noise))
 
     def _fresh(self, state: Bank, unit: str) -> Bank:

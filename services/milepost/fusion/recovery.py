@@ -15,6 +15,9 @@ REVIVE_NS = 30_000_000_000
 # how long a unit must agree with the others before it counts again: twice as long after each relapse
 PROBATION_NS, LONGEST_PROBATION_NS = 1_000_000_000, 64_000_000_000
 
+# for so long after a unit was readmitted it is held possible that it never lay, but two others do, unseen
+WARY_NS = 60_000_000_000
+
 
 def revived(state: Bank, at_ns: int) -> Bank:
     """Refuted rows go on from row 0 again after a while; what is refuted as an alternative stays so."""
