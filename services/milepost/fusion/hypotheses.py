@@ -104,8 +104,8 @@ class Rows:
     """The rows of a bank: which units each leaves out, which it uses, and how far its interval reaches.
 
     Row 0 leaves out `excluded` alone. `alternatives`: other explanations of why these were excluded, not refuted so far.
-    `blamed`: what was excluded a short while ago, or is: rows of two causes that explain it otherwise are as likely as they
-    are beside that. `near` (H): rows of at most one cause more than is excluded, and those that explain it otherwise.
+    `blamed`: what is excluded, or was a short while ago. `near` (H): rows of at most one cause more than is excluded, and rows
+    of two that explain otherwise why it was, which are as likely as they are beside that.
     `hard`: the places of the rows for a train that moves harder than its motion model, which are the last ones.
     """
 
@@ -115,8 +115,8 @@ class Rows:
         self.doubts, self.excluded, self.alternatives = doubts, excluded, alternatives
         self.blamed = blamed or excluded
         single, pairs = doubts.sets(excluded)
-        for units in (*sorted(alternatives, key=sorted), *pairs):
-            if units not in single and not units >= self.blamed:
+        for units in (*sorted(alternatives - single.keys(), key=sorted), *pairs):
+            if not units >= self.blamed:
                 pairs[units] = doubts.chance(units) / doubts.chance(self.blamed)
         chances = {**single, **pairs}
         self.sets = tuple(sorted(chances, key=lambda units: MOTION_MODEL in units))
@@ -154,7 +154,7 @@ class Rows:
         kept = self._intervals.get(key)
         if kept is None:
             published = self.published(alive)
-            risk = self.doubts.risk * self.chances[alive].max(initial=0.0) / max(1, int(published.sum()))
+            risk = self.doubts.risk * self.chances[published].max(initial=0.0) / max(1, int(published.sum()))
             kept = published, np.array([normal_reach(risk / p) for p in self.chances[published]])
             self._intervals[key] = kept
         return kept

@@ -32,9 +32,7 @@ class Isolation:
         spread = self._limit * np.sqrt(np.diagonal(std))
         self._priors = {unit: (places, mean[places], spread[places]) for unit, places in own.items()}
 
-    def rows(
-        self, excluded: Units, alternatives: frozenset[Units] = NO_ALTERNATIVES, blamed: Units = NOBODY
-    ) -> Rows:
+    def rows(self, excluded: Units, alternatives: frozenset[Units] = NO_ALTERNATIVES, blamed: Units = NOBODY) -> Rows:
         """The rows beside a set of excluded units, the other explanations that are still held, and what was blamed before."""
         key = excluded, alternatives, blamed or excluded
         rows = self._kept.get(key)
@@ -207,7 +205,8 @@ class Isolation:
     def _readmitted(self, state: Bank, unit: str, verdict: Verdict, at_ns: int) -> Bank:
         """Every row continues the one without the unit."""
         old, units = state.rows, state.rows.excluded - {unit}
-        new = self.rows(units, alternatives(state, units), old.blamed)
+        blamed = NOBODY if MOTION_MODEL in old.blamed else old.blamed
+        new = self.rows(units, alternatives(state, units), blamed)
         # a row that never left the unit out explains otherwise why it was excluded: it goes on by itself
         out = recomposed(state, new, sources(new, old, state.alive, lambda s: (s, s | {unit}), state.leader))
         out = out._replace(wary_until_ns=at_ns + WARY_NS)
