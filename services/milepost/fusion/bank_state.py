@@ -121,6 +121,20 @@ def recomposed(state: Bank, rows: Rows, index: list[int]) -> Bank:
     )
 
 
+def narrowed(state: Bank, rows: Rows) -> Bank:
+    """The bank with some of its rows, the leading one among them."""
+    old = state.rows
+    index = [old.places[units] for units in rows.sets]
+    out = state.of(index)
+    return out._replace(
+        rows=rows,
+        channels=tuple(channel._replace(strikes=channel.strikes[index]) for channel in out.channels),
+        alive=state.alive[index],
+        dead_ns=tuple(state.dead_ns[i] for i in index),
+        leader=rows.places[old.sets[state.leader]],
+    )
+
+
 def led(before: Bank, state: Bank, row: int, at_ns: int, reason: str) -> Bank:
     """Another row leads; a step from `before` that is larger than the new row's own uncertainty is noted.
 

@@ -103,9 +103,9 @@ class Doubts:
 class Rows:
     """The rows of a bank: which units each leaves out, which it uses, and how far its interval reaches.
 
-    Row 0 leaves out `excluded` alone. `alternatives`: other explanations of why these were excluded, not refuted so far.
-    `blamed`: what is excluded, or was a short while ago. `near` (H): rows of at most one cause more than is excluded, and rows
-    of two that explain otherwise why it was, which are as likely as they are beside that.
+    Row 0 leaves out `excluded` alone. `blamed`: what is excluded, or was a short while ago. `alternatives`: other explanations
+    of why it was, not refuted so far, which are as likely as they are beside that. `near` (H): these, and the rows of at most
+    one cause more than is excluded.
     `hard`: the places of the rows for a train that moves harder than its motion model, which are the last ones.
     """
 
@@ -115,13 +115,13 @@ class Rows:
         self.doubts, self.excluded, self.alternatives = doubts, excluded, alternatives
         self.blamed = blamed or excluded
         single, pairs = doubts.sets(excluded)
-        for units in (*sorted(alternatives - single.keys(), key=sorted), *pairs):
-            if not units >= self.blamed:
-                pairs[units] = doubts.chance(units) / doubts.chance(self.blamed)
+        otherwise = alternatives - single.keys()
+        for units in sorted(otherwise, key=sorted):
+            pairs[units] = doubts.chance(units) / doubts.chance(self.blamed)
         chances = {**single, **pairs}
         self.sets = tuple(sorted(chances, key=lambda units: MOTION_MODEL in units))
         self.chances = np.array([chances[units] for units in self.sets])
-        self.near = np.array([units in single or not units >= self.blamed for units in self.sets])
+        self.near = np.array([units in single or units in otherwise for units in self.sets])
         self._onward = np.array([units >= excluded or units - excluded <= HARD for units in self.sets])
         self.hard = range(sum(MOTION_MODEL not in units for units in self.sets), len(self.sets))
         self.places = {units: i for i, units in enumerate(self.sets)}

@@ -6,7 +6,7 @@ import numpy as np
 
 from milepost.estimation.layout import N_COMMON, Array, Layout
 
-from .bank_state import CHANNELS, Bank, led, protected, recomposed
+from .bank_state import CHANNELS, Bank, led, narrowed, protected, recomposed
 from .evidence import Bounds, Flags, statistics
 from .finding import Finding
 from .hypotheses import MOTION_MODEL, NO_ALTERNATIVES, NOBODY, Doubts, Rows, Units, sources
@@ -34,7 +34,8 @@ class Isolation:
 
     def rows(self, excluded: Units, alternatives: frozenset[Units] = NO_ALTERNATIVES, blamed: Units = NOBODY) -> Rows:
         """The rows beside a set of excluded units, the other explanations that are still held, and what was blamed before."""
-        key = excluded, alternatives, blamed or excluded
+        # without another explanation nothing depends on the blame
+        key = excluded, alternatives, (blamed if alternatives else NOBODY) or excluded
         rows = self._kept.get(key)
         if rows is None:
             rows = self._kept[key] = Rows(self._doubts, *key)
@@ -58,7 +59,7 @@ class Isolation:
             if MOTION_MODEL in state.rows.excluded:
                 state = self._motion_probation(state, at_ns)
             if state.rows.blamed != state.rows.excluded and at_ns > state.wary_until_ns:
-                state = state._replace(rows=self.rows(state.rows.excluded, state.rows.alternatives))
+                state = self._settled(state)
             return revived(state, at_ns) if any(state.dead_ns) and state.alive[0] else state
         alive = state.alive & ~fired
         # where the leading row stands, the evidence is that against the row most refuted
@@ -205,12 +206,17 @@ class Isolation:
     def _readmitted(self, state: Bank, unit: str, verdict: Verdict, at_ns: int) -> Bank:
         """Every row continues the one without the unit."""
         old, units = state.rows, state.rows.excluded - {unit}
-        blamed = NOBODY if MOTION_MODEL in old.blamed else old.blamed
-        new = self.rows(units, alternatives(state, units), blamed)
+        new = self.rows(units, alternatives(state, old.blamed), old.blamed)
         # a row that never left the unit out explains otherwise why it was excluded: it goes on by itself
         out = recomposed(state, new, sources(new, old, state.alive, lambda s: (s, s | {unit}), state.leader))
         out = out._replace(wary_until_ns=at_ns + WARY_NS)
         return self._fresh(out, unit).judged(unit, verdict._replace(excluded=None, noise=out.verdicts[unit].noise))
+
+    def _settled(self, state: Bank) -> Bank:
+        """What was blamed and readmitted is held to have lain and healed: other explanations of that are dropped."""
+        old = state.rows
+        new = self.rows(old.excluded, frozenset(units for units in old.alternatives if not units >= old.excluded))
+        return narrowed(state, new) if old.sets[state.leader] in new.places else state
 
     def _fresh(self, state: Bank, unit: str) -> Bank:
         """The tests of a unit begin again."""

@@ -38,12 +38,12 @@ def hold_ns(verdict: Verdict) -> int:
     return min(LONGEST_PROBATION_NS, PROBATION_NS << min(max(0, verdict.relapses - 1), 10))
 
 
-def alternatives(state: Bank, excluded: Units) -> frozenset[Units]:
-    """The rows alive that explain otherwise why units are excluded; none where the train moves harder."""
-    if MOTION_MODEL in excluded:
+def alternatives(state: Bank, blamed: Units) -> frozenset[Units]:
+    """The rows alive that explain otherwise why units are, or were, excluded; none where the train moves harder."""
+    if MOTION_MODEL in blamed:
         return NO_ALTERNATIVES
     alive = (units for units, lives in zip(state.rows.sets, state.alive, strict=True) if lives)
-    return frozenset(units for units in alive if not units >= excluded)
+    return frozenset(units for units in alive if not units >= blamed)
 
 
 def widened(state: Bank, row: int, limit: float) -> Array:
