@@ -18,6 +18,7 @@ from pathlib import Path
 import msgpack
 import numpy as np
 import psutil
+import yaml
 import zenoh
 
 from milepost.runtime.zenoh_config import client
@@ -26,6 +27,8 @@ STEADY_S = 10.0
 WINDOW_S = 8.0
 MAGLEV, FULL = "deploy/trains/maglev.yaml", "deploy/trains/full.yaml"
 TRAIN = "maglev-1"
+# the rate of the slowest speed sensor of the default train; GNSS is slower
+SPEED_HZ = 20.0
 
 
 def free_endpoint() -> str:
@@ -102,17 +105,40 @@ def measure_startup(runs: int) -> dict[str, float]:
     return {name: float(np.median([each[name] for each in found])) for name in ("first_state_s", "memory_pss_mib")}
 
 
-def measure_full_load() -> float:
-    """Cores used by the train with everything, in steady state."""
+def measure_full_load(train: str = FULL) -> dict[str, float]:
+    """Cores used by the train with everything, in steady state; and before that, the epochs of which no state came outside."""
     endpoint = free_endpoint()
+    epochs: list[int] = []
     first = threading.Event()
-    with processes(["-m", "milepost", "up", "--train", FULL, "--headless", "--listen", endpoint]) as (up,):
+
+    def state(sample) -> None:
+        epochs.append(msgpack.unpackb(sample.payload.to_bytes())["epoch"])
+        first.set()
+
+    with processes(["-m", "milepost", "up", "--train", train, "--headless", "--listen", endpoint]) as (up,):
         with zenoh.open(zenoh.Config.from_json5(json.dumps(client([endpoint])))) as session:
-            kept = session.declare_subscriber("milepost/v1/*/state", lambda _: first.set())
+            kept = session.declare_subscriber("milepost/v1/*/state", state)
             if not first.wait(60.0):
                 raise RuntimeError("the train sent no state within a minute")
+            time.sleep(2.0)
+            del epochs[:-1]
+            time.sleep(WINDOW_S)
             del kept
-        return measure_load(up.pid)
+        seen = set(epochs)
+        return {"load_cores": measure_load(up.pid), "missing_epochs": max(seen) - min(seen) + 1 - len(seen)}
+
+
+def measure_fast_load(hz: float = 100.0) -> dict[str, float]:
+    """The same with odometers, radars, loop and inertial unit at a higher rate."""
+    train = yaml.safe_load(Path(FULL).read_text(encoding="utf-8"))
+    train["line"] = str((Path(FULL).parent / train["line"]).resolve())
+    for unit in train["units"].values():
+        if unit.get("rate_hz", 0.0) >= SPEED_HZ:
+            unit["rate_hz"] = hz
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "full-fast.yaml"
+        path.write_text(yaml.safe_dump(train), encoding="utf-8")
+        return measure_full_load(str(path))
 
 
 def measure_load(pid: int) -> float:
