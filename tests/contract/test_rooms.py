@@ -18,6 +18,7 @@ FLOORS = (
     "campaign",
     "evaluation",
     "checks",
+    "security",
     "runtime",
     "offline",
     "config",

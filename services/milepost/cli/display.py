@@ -22,7 +22,7 @@ READ_BYTES = 65536
 LOOK_EVERY_S = 0.2
 
 
-def run_display(endpoints: list[str], train: str, expected: Sequence[str], mode: Mode, began_ns: int) -> None:
+def run_display(connection: zenoh_config.Connection, train: str, expected: Sequence[str], mode: Mode, began_ns: int) -> None:
     """Show a train until stopped. In a table, what comes on standard input is shown line by line."""
 
     def age_s() -> float:
@@ -30,7 +30,7 @@ def run_display(endpoints: list[str], train: str, expected: Sequence[str], mode:
 
     names = ["router", *expected]
     if mode == "start":
-        _show_start(endpoints, train, Arrivals(names, _say, age_s))
+        _show_start(connection, train, Arrivals(names, _say, age_s))
         return
     # what draws a table takes a while to import
     from .watch import STREAMS, Screen, show
@@ -49,7 +49,7 @@ def run_display(endpoints: list[str], train: str, expected: Sequence[str], mode:
         screen.alive(token, there)
 
     # until the session is open, SIGTERM just ends this process
-    with listening(endpoints, STREAMS, train, receive, alive, zenoh_config.client), StopSignals() as stop:
+    with listening(connection, STREAMS, train, receive, alive, zenoh_config.client), StopSignals() as stop:
         arrivals.came("router")
 
         def going() -> bool:
@@ -61,7 +61,7 @@ def run_display(endpoints: list[str], train: str, expected: Sequence[str], mode:
         show(screen, going, stop.wait)
 
 
-def _show_start(endpoints: list[str], train: str, arrivals: Arrivals) -> None:
+def _show_start(connection: zenoh_config.Connection, train: str, arrivals: Arrivals) -> None:
     def receive(stream: str, message: Message, now_ns: int) -> None:  # noqa: ARG001
         arrivals.state()
 
@@ -69,7 +69,7 @@ def _show_start(endpoints: list[str], train: str, arrivals: Arrivals) -> None:
         if there:
             arrivals.came(token.unit)
 
-    with listening(endpoints, ["state"], train, receive, alive, zenoh_config.client), StopSignals() as stop:
+    with listening(connection, ["state"], train, receive, alive, zenoh_config.client), StopSignals() as stop:
         arrivals.came("router")
         while not arrivals.done and not stop.wait(LOOK_EVERY_S):
             pass

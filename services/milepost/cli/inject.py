@@ -14,6 +14,7 @@ from milepost.config.errors import ConfigError
 from milepost.config.mistakes import must_be_one_of
 from milepost.runtime.bus import NoRouterError
 from milepost.runtime.chaos import NoAnswerError, send_command
+from milepost.runtime.zenoh_config import Connection
 from milepost.simulation.faults import FAULTS, FaultEntry, FaultKind, not_an_option, reason_of
 
 FLAGS = {"true": True, "yes": True, "false": False, "no": False}
@@ -31,7 +32,7 @@ class Wanted:
     train: str
 
 
-def run_inject(wanted: Wanted, connect: list[str], as_json: bool) -> int:
+def run_inject(wanted: Wanted, connect: Connection, as_json: bool) -> int:
     """Send the command and show the sensor's answer. 0: done; 1: nobody there; 2: refused. Raises ConfigError."""
     fields = _fields(wanted)
     try:

@@ -8,7 +8,7 @@ import typer
 
 from milepost.runtime.zenoh_config import DEFAULT_ENDPOINT
 
-from .options import ConnectOption, JsonOption
+from .options import ConnectOption, JsonOption, ZenohConfigOption
 
 # what a fault's own options need: they are known only once its kind is
 FREE_OPTIONS = {"allow_extra_args": True, "ignore_unknown_options": True}
@@ -32,6 +32,7 @@ def inject(
     for_s: ForOption = None,
     train: TrainNameOption = "",
     connect: ConnectOption = [DEFAULT_ENDPOINT],  # noqa: B006
+    zenoh_config: ZenohConfigOption = None,
     clear: ClearOption = False,
     show: ListOption = False,
     as_json: JsonOption = False,
@@ -40,4 +41,4 @@ def inject(
     from .inject import Wanted, run_inject, run_list
 
     wanted = Wanted(unit, fault, context.args, for_s, clear, train)
-    raise typer.Exit(run_list(as_json) if show else run_inject(wanted, connect, as_json))
+    raise typer.Exit(run_list(as_json) if show else run_inject(wanted, zenoh_config or connect, as_json))

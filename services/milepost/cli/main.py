@@ -14,8 +14,18 @@ from milepost.runtime.launch import exit_code
 from milepost.runtime.zenoh_config import DEFAULT_ENDPOINT
 
 from .campaign_command import campaign
+from .helper_commands import display, observe, sentinel
 from .inject_command import FREE_OPTIONS, inject
-from .options import ConnectOption, JsonOption, StateDirOption, TrainOption, complete_scenario, show_versions
+from .options import (
+    ConnectOption,
+    JsonOption,
+    StateDirOption,
+    TrainOption,
+    ZenohConfigOption,
+    complete_scenario,
+    show_versions,
+)
+from .pki_command import acl, pki
 
 DEFAULT_TRAIN = Path("full")
 
@@ -24,9 +34,6 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     help="Tells a train where it is and how fast it is going, with bounds on both errors.",
 )
-
-
-HIDDEN = {"hidden": True}
 
 
 @app.callback()
@@ -55,31 +62,43 @@ def up(
         list[str], typer.Option("--listen", help="Endpoint on which the router listens. Repeat it for a second router.")
     ] = [DEFAULT_ENDPOINT],  # noqa: B006
     state_dir: StateDirOption = None,
+    secure: Annotated[
+        bool,
+        typer.Option(
+            "--secure",
+            help="Only processes and tools with a certificate, each for its own keys. Made in the state folder if needed.",
+        ),
+    ] = False,
 ) -> None:
     """Start a train and show it: a router, and one process for each sensor, each filter, the fuser and the balise service."""
     from .up import UpOptions, run_up
 
-    raise typer.Exit(run_up(UpOptions(find_file(train, "trains"), duration, speed, report, headless, listen, state_dir)))
+    found = find_file(train, "trains")
+    raise typer.Exit(run_up(UpOptions(found, duration, speed, report, headless, listen, state_dir, secure)))
 
 
 @app.command()
-def watch(connect: ConnectOption = [DEFAULT_ENDPOINT]) -> None:  # noqa: B006
+def watch(
+    connect: ConnectOption = [DEFAULT_ENDPOINT],  # noqa: B006
+    zenoh_config: ZenohConfigOption = None,
+) -> None:
     """Show a live table of the trains on a router; for simulated trains with the true error."""
     from .watch import run_watch
 
-    raise typer.Exit(run_watch(connect))
+    raise typer.Exit(run_watch(zenoh_config or connect))
 
 
 @app.command()
 def status(
     connect: ConnectOption = [DEFAULT_ENDPOINT],  # noqa: B006
+    zenoh_config: ZenohConfigOption = None,
     as_json: JsonOption = False,
     timeout: Annotated[float, typer.Option("--timeout", min=0.1, help="Seconds to wait for a state.")] = 2.0,
 ) -> None:
     """Print each train's state once. Exit code 1 if there is none, one is not `normal`, or a process has a second instance."""
     from .status import run_status
 
-    raise typer.Exit(run_status(connect, as_json, timeout))
+    raise typer.Exit(run_status(zenoh_config or connect, as_json, timeout))
 
 
 app.command(context_settings=FREE_OPTIONS)(inject)
@@ -91,6 +110,7 @@ def run(
     unit: Annotated[str, typer.Argument(help="The unit, for a sensor or a filter.")] = "",
     train: TrainOption = DEFAULT_TRAIN,
     connect: ConnectOption = [DEFAULT_ENDPOINT],  # noqa: B006
+    zenoh_config: ZenohConfigOption = None,
     listen: Annotated[list[str], typer.Option("--listen", help="Router only: endpoints to listen on.")] = [DEFAULT_ENDPOINT],  # noqa: B006
     link: Annotated[list[str], typer.Option("--link", help="Router only: endpoint of another router to link with.")] = [],  # noqa: B006
     config: Annotated[Path | None, typer.Option("--config", help="Router only: Zenoh configuration file to use.")] = None,
@@ -106,7 +126,19 @@ def run(
     """Run one process of a train, as compose.yaml does."""
     from .run import run_role
 
-    run_role(role, unit, find_file(train, "trains"), connect, listen, link, config, speed, duration, parent, state_dir)
+    run_role(
+        role,
+        unit,
+        find_file(train, "trains"),
+        zenoh_config or connect,
+        listen,
+        link,
+        config,
+        speed,
+        duration,
+        parent,
+        state_dir,
+    )
 
 
 @app.command()
@@ -151,6 +183,8 @@ def evaluate(
 
 
 app.command()(campaign)
+app.command()(acl)
+app.add_typer(pki, name="pki")
 
 
 @app.command()
@@ -186,39 +220,8 @@ def schema(
     raise typer.Exit(run_schema(out, check))
 
 
-@app.command(**HIDDEN)  # type: ignore[arg-type]
-def display(
-    connect: Annotated[list[str], typer.Option("--connect")],
-    name: Annotated[str, typer.Option("--name")],
-    expect: Annotated[list[str], typer.Option("--expect")],
-    mode: Annotated[str, typer.Option("--mode")],
-    began_ns: Annotated[int, typer.Option("--began-ns")],
-) -> None:
-    """Show a train for `up`."""
-    from .display import run_display
-
-    run_display(connect, name, expect, mode, began_ns)  # type: ignore[arg-type]
-
-
-@app.command(**HIDDEN)  # type: ignore[arg-type]
-def observe(
-    report: Annotated[Path, typer.Option("--report")],
-    stalls: Annotated[Path, typer.Option("--stalls")],
-    connect: ConnectOption = [DEFAULT_ENDPOINT],  # noqa: B006
-    name: Annotated[str, typer.Option("--name")] = "*",
-) -> None:
-    """Listen from outside until stopped, then write a report."""
-    from milepost.runtime.observer import run_observe
-
-    run_observe(connect, name, report, stalls)
-
-
-@app.command(**HIDDEN)  # type: ignore[arg-type]
-def sentinel(stalls: Annotated[Path, typer.Option("--stalls")]) -> None:
-    """Record when the machine delays a process: sleep a millisecond at a time and note longer gaps."""
-    from milepost.runtime.stalls import run_sentinel
-
-    run_sentinel(stalls)
+for helper in (display, observe, sentinel):
+    app.command(hidden=True)(helper)
 
 
 def main() -> None:

@@ -56,6 +56,14 @@ ConnectOption = Annotated[
         "--connect", envvar="MILEPOST_CONNECT", help="Endpoint of the router. Repeat the option to name others for failover."
     ),
 ]
+ZenohConfigOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--zenoh-config",
+        envvar="MILEPOST_ZENOH_CONFIG",
+        help="File of a whole Zenoh session configuration, with endpoints and certificates; --connect is not used then.",
+    ),
+]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 StateDirOption = Annotated[
     Path | None,

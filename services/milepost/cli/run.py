@@ -6,13 +6,14 @@ from pathlib import Path
 
 from milepost.config.errors import ConfigError
 from milepost.runtime.launch import end_with_parent
+from milepost.runtime.zenoh_config import Connection
 
 
 def run_role(
     role: str,
     unit: str,
     train_file: Path,
-    connect: list[str],
+    connection: Connection,
     listen: list[str],
     link: list[str],
     config: Path | None,
@@ -27,8 +28,6 @@ def run_role(
     from milepost.runtime.process import ProcessOptions, run_process, run_router
 
     if role == "router":
-        if config is not None and not config.is_file():
-            raise ConfigError(config, "", "no such file")
         run_router(listen, config, parent, link)
         return
     from milepost.config.mistakes import must_be_one_of
@@ -43,4 +42,4 @@ def run_role(
         unit = unit or role
     if unit not in units:
         raise ConfigError("run", "UNIT", must_be_one_of(units, unit) if units else f"{train_file} has none with a {role}")
-    run_process(train, role, unit, ProcessOptions(connect, speed, duration, parent, state_dir))
+    run_process(train, role, unit, ProcessOptions(connection, speed, duration, parent, state_dir))

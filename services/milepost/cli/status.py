@@ -11,12 +11,13 @@ from typing import Any
 from milepost.runtime.bus import NoRouterError
 from milepost.runtime.instances import Change, second_instances
 from milepost.runtime.listening import listening
+from milepost.runtime.zenoh_config import Connection
 from milepost_schemas import FusedState, Message
 
 SETTLE_S = 0.3
 
 
-def run_status(connect: list[str], as_json: bool, timeout_s: float) -> int:
+def run_status(connect: Connection, as_json: bool, timeout_s: float) -> int:
     """Print the newest state of every train that speaks; 0 only if there is one, all are normal and no process runs twice."""
     states: dict[str, FusedState] = {}
     first = threading.Event()

@@ -14,22 +14,25 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from milepost.config.errors import ConfigError
-from milepost.runtime.endpoint import port_is_free
 from milepost.runtime.launch import ONE_THREAD, Job, is_router, share_what_is_loaded
-from milepost.runtime.proc import age_s, proportional_mib
 from milepost.runtime.stop_signals import StopSignals
 from milepost.runtime.supervisor import Supervisor
+
+from .endpoint import port_is_free
+from .proc import age_s, proportional_mib
 
 if TYPE_CHECKING:
     from .display import Mode
 
 LOOK_EVERY_S = 0.2
 MEASURE_MEMORY_EVERY_S = 2.0
+# the configuration file of a process's session, by its name
+Files = Callable[[str], Path]
 MEASURING = ("sentinel", "observer")
 
 
@@ -44,6 +47,7 @@ class UpOptions:
     headless: bool
     listen: list[str]
     state_dir: Path | None
+    secure: bool = False
 
     @property
     def mode(self) -> Mode:
@@ -58,9 +62,11 @@ def run_up(options: UpOptions) -> int:
     began_ns = time.time_ns() - round(age_s() * 1e9)
     _say(f"reading {options.train_file}")
     with _nothing_to_end():
-        _check(options)
-        train, jobs = _load(options)
+        options = _check(options)
+        train, jobs, files = _load(options)
     _say(f"starting {len(jobs) + len(options.listen)} processes of {train}")
+    if files is not None:
+        _say(f"tools connect with --zenoh-config {files('dispatch')}")
     from .up_jobs import display_job, measuring_jobs, router_jobs
 
     share_what_is_loaded()
@@ -68,12 +74,14 @@ def run_up(options: UpOptions) -> int:
     to_table = options.mode == "table" and sys.stderr.isatty()
     supervisor = Supervisor(keep_output=to_table)
     with StopSignals() as stop, _scratch(options.report) as scratch, _telling(to_table) as (tell, heard):
-        display = display_job(options.mode, options.listen, train, [job.name for job in jobs], began_ns, heard)
+        names = [job.name for job in jobs]
+        display, observer = (options.listen, options.listen) if files is None else (files("display"), files("observer"))
+        shown = display_job(options.mode, display, train, names, began_ns, heard)
         try:
-            for router in router_jobs(options.listen):
+            for router in router_jobs(options.listen, files):
                 supervisor.start(router)
-            supervisor.start(display, shown=True)
-            for job in (*measuring_jobs(options.listen, options.report, scratch / "stalls.jsonl"), *jobs):
+            supervisor.start(shown, shown=True)
+            for job in (*measuring_jobs(observer, options.report, scratch / "stalls.jsonl"), *jobs):
                 supervisor.start(job)
             memory_mib = _watch(supervisor, stop, tell, options.report is not None)
         finally:
@@ -99,8 +107,12 @@ def _nothing_to_end() -> Iterator[None]:
         raise
 
 
-def _check(options: UpOptions) -> None:
-    """Raises ConfigError for what is wrong with the command line."""
+def _check(options: UpOptions) -> UpOptions:
+    """The options, with endpoints that are secure where all is. Raises ConfigError for what is wrong with the command line."""
+    if options.secure:
+        options = replace(
+            options, listen=["tls/" + endpoint.removeprefix("tcp/").removeprefix("tls/") for endpoint in options.listen]
+        )
     if options.report is not None and not options.report.parent.is_dir():
         raise ConfigError(options.report, "", "its folder does not exist")
     if options.report is not None and options.report.is_dir():
@@ -114,18 +126,27 @@ def _check(options: UpOptions) -> None:
             raise ConfigError("up", "--listen", f"{endpoint} is in use; is another `milepost up` running?")
         if endpoint in options.listen[:i]:
             raise ConfigError("up", "--listen", f"{endpoint} is there twice")
+    return options
 
 
-def _load(options: UpOptions) -> tuple[str, list[Job]]:
-    """The train's name and its processes. Everything that they need is imported here, once. Raises ConfigError."""
+def _load(options: UpOptions) -> tuple[str, list[Job], Files | None]:
+    """The train's name, its processes, and the session files of a secure one, by name.
+
+    Everything that they need is imported here, once. Raises ConfigError.
+    """
     os.environ.update(ONE_THREAD)
     from milepost.config.train import load_train
     from milepost.runtime.process import ProcessOptions
     from milepost.runtime.train_jobs import checked_world, train_jobs
 
     train = load_train(options.train_file)
+    files = None
+    if options.secure:
+        from milepost.security.bundle import certified
+
+        files = certified(train, options.state_dir, options.listen)
     process = ProcessOptions(options.listen, options.speed, options.duration_s, os.getpid(), options.state_dir)
-    return train.name, list(train_jobs(train, checked_world(train, options.duration_s), process))
+    return train.name, list(train_jobs(train, checked_world(train, options.duration_s), process, files)), files
 
 
 @contextlib.contextmanager

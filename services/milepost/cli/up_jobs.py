@@ -8,33 +8,31 @@ from pathlib import Path
 
 from milepost.runtime.launch import Job
 from milepost.runtime.train_jobs import router_jobs as router_jobs
+from milepost.runtime.zenoh_config import Connection, as_options
 
 from .display import Mode, run_display
 
 
 def display_job(
-    mode: Mode, endpoints: Sequence[str], train: str, expected: Sequence[str], began_ns: int, heard: int | None
+    mode: Mode, connection: Connection, train: str, expected: Sequence[str], began_ns: int, heard: int | None
 ) -> Job:
     """What shows the train; `heard`: where it hears sentences to be shown."""
-    options = ["--name", train, "--mode", mode, "--began-ns", str(began_ns), *_connect(endpoints)]
+    options = ["--name", train, "--mode", mode, "--began-ns", str(began_ns), *as_options(connection)]
     for name in expected:
         options += ["--expect", name]
-    body = partial(run_display, list(endpoints), train, expected, mode, began_ns)
+    body = partial(run_display, connection, train, expected, mode, began_ns)
     return Job("display", ("display",), tuple(options), body, stdin=heard)
 
 
-def measuring_jobs(endpoints: Sequence[str], report: Path | None, stalls: Path) -> Iterator[Job]:
+def measuring_jobs(connection: Connection, report: Path | None, stalls: Path) -> Iterator[Job]:
     """The outside observer, and the sentinel that notes when the machine stalls."""
     if report is None:
         return
     from milepost.runtime.observer import run_observe
-    from milepost.runtime.stalls import run_sentinel
+
+    from .stalls import run_sentinel
 
     place = ("--stalls", str(stalls))
     yield Job("sentinel", ("sentinel",), place, partial(run_sentinel, stalls), restart=False)
-    options = (*place, "--report", str(report), *_connect(endpoints))
-    yield Job("observer", ("observe",), options, partial(run_observe, list(endpoints), "*", report, stalls), restart=False)
-
-
-def _connect(endpoints: Sequence[str]) -> list[str]:
-    return [word for endpoint in endpoints for word in ("--connect", endpoint)]
+    options = (*place, "--report", str(report), *as_options(connection))
+    yield Job("observer", ("observe",), options, partial(run_observe, connection, "*", report, stalls), restart=False)

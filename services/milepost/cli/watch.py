@@ -15,6 +15,7 @@ from rich.text import Text
 from milepost.runtime.bus import NoRouterError
 from milepost.runtime.instances import Change, Instances, Token
 from milepost.runtime.listening import listening
+from milepost.runtime.zenoh_config import Connection
 from milepost_schemas import Event, FusedState, Health, Message, Truth
 
 from .arrivals import Arrivals
@@ -142,7 +143,7 @@ def _error(state: FusedState, truth: Truth) -> str:
     return f"{error:+12.3f} m, {wrong:+.4f} m/s, {'inside' if inside else 'OUTSIDE'} the interval"
 
 
-def run_watch(connect: list[str]) -> int:
+def run_watch(connect: Connection) -> int:
     """Show the table until interrupted."""
     screen = Screen()
     try:

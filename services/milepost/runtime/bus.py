@@ -93,7 +93,7 @@ def _open(config: dict[str, Any]) -> Any:
     endpoints = ", ".join(config.get("connect" if client else "listen", {}).get("endpoints", []))
     waiting = threading.Timer(SAY_WAITING_AFTER_S, log.warning, (f"no router at {endpoints} yet: {HOW_TO_START}",))
     waiting.daemon = True
-    if client and config["connect"]["timeout_ms"] < 0:
+    if client and config["connect"]["timeout_ms"] == -1:
         waiting.start()
     try:
         return zenoh.open(zenoh.Config.from_json5(json.dumps(config)))

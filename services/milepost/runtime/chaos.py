@@ -16,6 +16,7 @@ from milepost_schemas import BY_NAME, Event, FaultCommand, Message, encode
 
 from .instances import live_tokens
 from .listening import listening
+from .zenoh_config import Connection, place
 
 SENSOR = "sensor-"
 ANSWERS = ("fault_injected", "fault_cleared", "fault_refused")
@@ -28,7 +29,7 @@ class NoAnswerError(OSError):
     """Nobody is there, or nobody answers."""
 
 
-def send_command(endpoints: list[str], train: str, unit: str, fields: dict[str, Any]) -> Event:
+def send_command(connection: Connection, train: str, unit: str, fields: dict[str, Any]) -> Event:
     """Send a `FaultCommand` with these fields and wait for the sensor's answer; `train` may be empty where only one runs.
 
     Raises ConfigError for a train or unit that is not there and for a train that allows no injection, NoRouterError, and
@@ -41,8 +42,8 @@ def send_command(endpoints: list[str], train: str, unit: str, fields: dict[str, 
         if isinstance(message, Event) and message.code in ANSWERS and message.text.endswith(f"({tool})"):
             answers.put(message)
 
-    with listening(endpoints, ["event"], train or "*", receive) as session:
-        train = _train(session, train, endpoints)
+    with listening(connection, ["event"], train or "*", receive) as session:
+        train = _train(session, train, connection)
         _check_unit(session, train, unit)
         now_ns = time.time_ns()
         head: dict[str, Any] = {
@@ -59,10 +60,10 @@ def send_command(endpoints: list[str], train: str, unit: str, fields: dict[str, 
             raise NoAnswerError(f"{SENSOR}{unit} of {train} did not answer within {ANSWER_S:g} s") from None
 
 
-def _train(session: Any, train: str, endpoints: list[str]) -> str:
+def _train(session: Any, train: str, connection: Connection) -> str:
     running = sorted({token.train for token in live_tokens(session)})
     if not running:
-        raise NoAnswerError(f"no train is running at {', '.join(endpoints)}")
+        raise NoAnswerError(f"no train is running at {place(connection)}")
     if not train and len(running) > 1:
         raise ConfigError("inject", "--train", f"required: {', '.join(running)} are running")
     if train and train not in running:

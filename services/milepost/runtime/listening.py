@@ -14,6 +14,7 @@ from milepost_schemas import BY_NAME, Message, Refused, alive_key, decode
 from . import zenoh_config
 from .bus import open_session
 from .instances import Token, token_of
+from .zenoh_config import Connection
 
 Receive = Callable[[str, Message, int], None]
 Alive = Callable[[Token, bool], None]
@@ -21,12 +22,12 @@ Alive = Callable[[Token, bool], None]
 
 @contextmanager
 def listening(
-    endpoints: list[str],
+    connection: Connection,
     streams: Sequence[str],
     train: str,
     receive: Receive,
     alive: Alive | None = None,
-    config: Callable[[list[str]], dict[str, Any]] = zenoh_config.tool,
+    config: Callable[[Connection], dict[str, Any]] = zenoh_config.tool,
 ) -> Iterator[Any]:
     """Call `receive(stream, message, received_at_ns)` for every message of these streams, and `alive` for every token.
 
@@ -46,7 +47,7 @@ def listening(
         return callback
 
     # a tool's standard output is its answer, for people or machines: nothing else may stand there
-    with open_session(config(endpoints), zenoh_log="off") as session:
+    with open_session(config(connection), zenoh_log="off") as session:
         kept = [session.declare_subscriber(BY_NAME[name].key_for(train), callback_for(name)) for name in streams]
         if alive is not None:
             kept.append(_tokens(session, train, alive))

@@ -14,7 +14,7 @@ import numpy as np
 from milepost_schemas import BalisePassed, FusedState, Message, Truth
 
 from .listening import listening
-from .zenoh_config import client
+from .zenoh_config import Connection, client
 
 GAP_MS = 60.0
 
@@ -34,7 +34,7 @@ class Seen(NamedTuple):
     last_balise: BalisePassed | None
 
 
-def run_observe(connect: list[str], train: str, report: Path, stalls: Path) -> None:
+def run_observe(connect: Connection, train: str, report: Path, stalls: Path) -> None:
     """Listen until stopped, then write the report."""
     states: list[tuple[Seen, int]] = []
     truths: dict[int, Truth] = {}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import logging
 import os
 import queue
@@ -13,12 +12,10 @@ from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from milepost.config.rates import expected_hz
 from milepost.config.roles import ROLES, Setting, process_name, processes
 from milepost.config.train import Train
-from milepost.config.yaml_files import ConfigError
 from milepost.estimation.time_units import NS_PER_S
 from milepost.nodes.base import Node, Output, Severity
 from milepost.nodes.world import WorldNode
@@ -32,6 +29,8 @@ from .calibration_store import calibration_store_for
 from .clock import Clock
 from .instances import Change, lasting_others
 from .runner import Runner, second_instance
+from .session_file import whole
+from .zenoh_config import Connection
 
 log = logging.getLogger("milepost")
 # a process that comes later than this into a running simulation was started again
@@ -46,7 +45,7 @@ GRACE_NS = NS_PER_S // 5
 class ProcessOptions:
     """What the command line says of a process; `state_dir`: where a filter keeps what it learned."""
 
-    endpoints: list[str]
+    connection: Connection
     speed: float = 1.0
     duration_s: float | None = None
     parent: int | None = None
@@ -82,7 +81,7 @@ def run_process(train: Train, role_name: str, unit: str, options: ProcessOptions
     node = role.build(train, unit, Setting(instance, world, from_s=from_s, until_s=options.duration_s, live=True))
     # opening waits for a router inside Zenoh, where Python cannot see a signal
     signal.signal(signal.SIGINT, signal.SIG_DFL)
-    with open_session(zenoh_config.client(options.endpoints)) as session:
+    with open_session(zenoh_config.client(options.connection)) as session:
         bus = ZenohBus(session, train.name)
         stop_on_signals(bus.inbox)
         _listen(bus, node, name)
@@ -193,27 +192,29 @@ def _catch_up(bus: ZenohBus, node: Node, clock: Clock) -> bool:
 def run_router(listen: list[str], config_file: Path | None, parent: int | None = None, link: Sequence[str] = ()) -> None:
     """Run a Zenoh router, linked with others, until stopped, or until `parent` is no longer its parent."""
     set_up_log("router")
-    config = zenoh_config.router(listen, link)
     inbox: Inbox = queue.SimpleQueue()
     stop_on_signals(inbox)
-    if config_file is not None:
-        config = _router_file(config_file)
-    with open_session(config):
-        log.info("listening on %s", ", ".join(config.get("listen", {}).get("endpoints", [])))
-        while parent is None or os.getppid() == parent:
-            try:
-                inbox.get(timeout=1.0)
-            except queue.Empty:
-                continue
-            return
+    while True:
+        config = zenoh_config.router(listen, link) if config_file is None else whole(config_file)
+        certificate = zenoh_config.listening_certificate(config)
+        # who was refused for a certificate is a warning of Zenoh's
+        with open_session(config, zenoh_log="error" if certificate is None else "warn"):
+            log.info("listening on %s", ", ".join(config.get("listen", {}).get("endpoints", [])))
+            if not _until_renewed(certificate, inbox, parent):
+                return
+        # Zenoh reads what it shows to those that connect only once
+        log.info("there is a new certificate: listening again")
 
 
-def _router_file(path: Path) -> dict[str, Any]:
-    import zenoh
-
-    try:
-        loaded = zenoh.Config.from_file(str(path))
-    except zenoh.ZError as error:
-        raise ConfigError(path, "", str(error).splitlines()[0]) from error
-    out: dict[str, Any] = json.loads(str(loaded))
-    return out
+def _until_renewed(certificate: Path | None, inbox: Inbox, parent: int | None) -> bool:
+    """Wait until a file is another one; False if the router is to end before that."""
+    before = certificate.stat().st_mtime_ns if certificate is not None else 0
+    while parent is None or os.getppid() == parent:
+        try:
+            inbox.get(timeout=1.0)
+        except queue.Empty:
+            if certificate is not None and certificate.stat().st_mtime_ns != before:
+                return True
+        else:
+            return False
+    return False

@@ -3,28 +3,31 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from functools import partial
+from pathlib import Path
 
 from milepost.config.roles import ROLES, Process, Setting, processes
 from milepost.config.train import Train
 from milepost.sensors.base import World
 
+from . import zenoh_config
 from .launch import Job
 from .process import ProcessOptions, run_process, run_router
 
 
-def router_jobs(endpoints: Sequence[str]) -> Iterator[Job]:
-    """A router on each endpoint, linked with those before it: `router`, `router-2`."""
+def router_jobs(endpoints: Sequence[str], files: Callable[[str], Path] | None = None) -> Iterator[Job]:
+    """A router on each endpoint, linked with those before it: `router`, `router-2`. `files`: the configuration of each."""
     parent = os.getpid()
     for i, endpoint in enumerate(endpoints):
-        link = endpoints[:i]
-        options = ["--listen", endpoint, "--parent", str(parent)]
+        second = (f"router-{i + 1}",) if i else ()
+        name, link = "".join(second) or "router", endpoints[:i]
+        file = files(name) if files is not None else None
+        options = ["--listen", endpoint, "--parent", str(parent)] + ([] if file is None else ["--config", str(file)])
         for other in link:
             options += ["--link", other]
-        body = partial(run_router, [endpoint], None, parent, link)
-        second = (f"router-{i + 1}",) if i else ()
-        yield Job("".join(second) or "router", ("run", "router", *second), tuple(options), body)
+        yield Job(name, ("run", "router", *second), tuple(options), partial(run_router, [endpoint], file, parent, link))
 
 
 def checked_world(train: Train, duration_s: float | None) -> World | None:
@@ -35,10 +38,16 @@ def checked_world(train: Train, duration_s: float | None) -> World | None:
     return setting.world
 
 
-def train_jobs(train: Train, world: World | None, options: ProcessOptions) -> Iterator[Job]:
-    """All processes of a train besides the router, listeners before speakers. `world` is shared by the forks."""
+def train_jobs(
+    train: Train, world: World | None, shared: ProcessOptions, files: Callable[[str], Path] | None = None
+) -> Iterator[Job]:
+    """All processes of a train besides the router, listeners before speakers. `world` is shared by the forks.
+
+    `files`: the session configuration of each, where they do not all connect in the same way.
+    """
     for process in processes(train, live=True):
         role = ROLES[process.role]
+        options = shared if files is None else replace(shared, connection=files(process.name))
         unit = () if process.unit == process.role else (process.unit,)
         yield Job(
             process.name,
@@ -49,9 +58,7 @@ def train_jobs(train: Train, world: World | None, options: ProcessOptions) -> It
 
 
 def _command_options(train: Train, process: Process, options: ProcessOptions) -> tuple[str, ...]:
-    out = ["--train", str(train.path)]
-    for endpoint in options.endpoints:
-        out += ["--connect", endpoint]
+    out = ["--train", str(train.path), *zenoh_config.as_options(options.connection)]
     if options.parent is not None:
         out += ["--parent", str(options.parent)]
     if process.role == "world":

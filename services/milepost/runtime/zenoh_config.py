@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 # the priorities that rows of the stream table use, in Zenoh's names for their queues
 QUEUES = ("real_time", "interactive_high", "data", "background")
 DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
 LEASE_MS, OPEN_TIMEOUT_MS = 500, 300
+# the endpoints of routers, or the file of a whole session configuration
+Connection = list[str] | Path
 RETRY = {"period_init_ms": 100, "period_max_ms": 500, "period_increase_factor": 2}
 
 
@@ -33,17 +36,40 @@ def _base() -> dict[str, Any]:
     }
 
 
-def client(endpoints: list[str]) -> dict[str, Any]:
-    """A service's session: a client of one router, or of several for failover, that waits until one is there."""
-    return {"mode": "client", "connect": {"endpoints": endpoints, "timeout_ms": -1, "retry": dict(RETRY)}, **_base()}
+def client(connection: Connection) -> dict[str, Any]:
+    """A service's session: a client of one router, or of several for failover, that waits until one is there.
+
+    What a file of a session configuration says goes before what stands here. Raises ConfigError.
+    """
+    return _with_file(connection, {"timeout_ms": -1})
 
 
-def tool(endpoints: list[str], timeout_ms: int = 2000) -> dict[str, Any]:
-    """A tool's session: like a service's, but it gives up soon where no router is."""
-    config = client(endpoints)
-    config["connect"]["timeout_ms"] = timeout_ms
-    config["connect"]["exit_on_failure"] = True
-    return config
+def tool(connection: Connection, timeout_ms: int = 2000) -> dict[str, Any]:
+    """A tool's session: like a service's, but it gives up soon where no router is. Raises ConfigError."""
+    return _with_file(connection, {"timeout_ms": timeout_ms, "exit_on_failure": True})
+
+
+def place(connection: Connection) -> str:
+    """Where a connection leads, for people."""
+    return f"the endpoints of {connection}" if isinstance(connection, Path) else ", ".join(connection)
+
+
+def as_options(connection: Connection) -> list[str]:
+    """A connection as options of a command."""
+    if isinstance(connection, Path):
+        return ["--zenoh-config", str(connection)]
+    return [word for endpoint in connection for word in ("--connect", endpoint)]
+
+
+def _with_file(connection: Connection, waits: dict[str, Any]) -> dict[str, Any]:
+    endpoints = [] if isinstance(connection, Path) else connection
+    config = {"mode": "client", "connect": {"endpoints": endpoints, **waits, "retry": dict(RETRY)}, **_base()}
+    if not isinstance(connection, Path):
+        return config
+    # commands that only need the default endpoint are not to wait for Zenoh
+    from .session_file import laid_over
+
+    return laid_over(config, connection)
 
 
 def router(listen: list[str], link: Sequence[str] = ()) -> dict[str, Any]:
@@ -52,3 +78,9 @@ def router(listen: list[str], link: Sequence[str] = ()) -> dict[str, Any]:
     if link:
         config["connect"] = {"endpoints": list(link), "timeout_ms": -1, "exit_on_failure": False, "retry": dict(RETRY)}
     return config
+
+
+def listening_certificate(config: dict[str, Any]) -> Path | None:
+    """The certificate that a router shows; None where it listens without."""
+    named = config["transport"]["link"].get("tls", {}).get("listen_certificate")
+    return Path(named) if named else None

@@ -7,9 +7,10 @@ import socket
 
 
 def port_is_free(endpoint: str) -> bool:
-    """Whether a tcp/HOST:PORT endpoint can be listened on. Raises ValueError for what is not one."""
-    host, _, port = endpoint.removeprefix("tcp/").rpartition(":")
-    if not (endpoint.startswith("tcp/") and host and port.isdecimal() and int(port) < 2**16):
+    """Whether a tcp/HOST:PORT or tls/HOST:PORT endpoint can be listened on. Raises ValueError for what is not one."""
+    protocol, _, address = endpoint.partition("/")
+    host, _, port = address.rpartition(":")
+    if not (protocol in ("tcp", "tls") and host and port.isdecimal() and int(port) < 2**16):
         raise ValueError(f"{endpoint!r} is not tcp/HOST:PORT")
     with socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET, socket.SOCK_STREAM) as probe:
         probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
