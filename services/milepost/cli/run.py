@@ -25,14 +25,16 @@ def run_role(
     """Run the router or one process of a train. Raises ConfigError."""
     if parent is not None:
         end_with_parent(parent)
-    from milepost.runtime.process import ProcessOptions, run_process, run_router
 
     if role == "router":
-        run_router(listen, config, parent, link)
+        from milepost.security.router import run_named_router
+
+        run_named_router(listen, config, parent, link)
         return
     from milepost.config.mistakes import must_be_one_of
     from milepost.config.roles import ROLES
     from milepost.config.train import load_train
+    from milepost.runtime.process import ProcessOptions, run_process
 
     if role not in ROLES:
         raise ConfigError("run", "ROLE", must_be_one_of(["router", *ROLES], role))

@@ -2,15 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
 
+from milepost.runtime import train_jobs
 from milepost.runtime.launch import Job
-from milepost.runtime.train_jobs import router_jobs as router_jobs
 from milepost.runtime.zenoh_config import Connection, as_options
 
 from .display import Mode, run_display
+
+
+def router_jobs(endpoints: Sequence[str], files: Callable[[str], Path] | None) -> Iterator[Job]:
+    """The routers; where they have files, they also say whom they refuse."""
+    if files is None:
+        yield from train_jobs.router_jobs(endpoints)
+        return
+    from milepost.security.router import run_named_router
+
+    yield from train_jobs.router_jobs(endpoints, files, run_named_router)
 
 
 def display_job(

@@ -8,10 +8,11 @@ import queue
 import signal
 import sys
 import uuid
-from collections.abc import Sequence
-from contextlib import ExitStack
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager, ExitStack, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from milepost.config.rates import expected_hz
 from milepost.config.roles import ROLES, Setting, process_name, processes
@@ -189,16 +190,25 @@ def _catch_up(bus: ZenohBus, node: Node, clock: Clock) -> bool:
     return True
 
 
-def run_router(listen: list[str], config_file: Path | None, parent: int | None = None, link: Sequence[str] = ()) -> None:
-    """Run a Zenoh router, linked with others, until stopped, or until `parent` is no longer its parent."""
+def run_router(
+    listen: list[str],
+    config_file: Path | None,
+    parent: int | None = None,
+    link: Sequence[str] = (),
+    zenoh_log: str = "error",
+    attend: Callable[[Any], AbstractContextManager[None]] = nullcontext,
+) -> None:
+    """Run a Zenoh router, linked with others, until stopped, or until `parent` is no longer its parent.
+
+    `attend` does something with its session as long as that is open.
+    """
     set_up_log("router")
     inbox: Inbox = queue.SimpleQueue()
     stop_on_signals(inbox)
     while True:
         config = zenoh_config.router(listen, link) if config_file is None else whole(config_file)
         certificate = zenoh_config.listening_certificate(config)
-        # who was refused for a certificate is a warning of Zenoh's
-        with open_session(config, zenoh_log="error" if certificate is None else "warn"):
+        with open_session(config, zenoh_log) as session, attend(session):
             log.info("listening on %s", ", ".join(config.get("listen", {}).get("endpoints", [])))
             if not _until_renewed(certificate, inbox, parent):
                 return

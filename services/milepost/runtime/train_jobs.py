@@ -17,7 +17,9 @@ from .launch import Job
 from .process import ProcessOptions, run_process, run_router
 
 
-def router_jobs(endpoints: Sequence[str], files: Callable[[str], Path] | None = None) -> Iterator[Job]:
+def router_jobs(
+    endpoints: Sequence[str], files: Callable[[str], Path] | None = None, run: Callable[..., None] = run_router
+) -> Iterator[Job]:
     """A router on each endpoint, linked with those before it: `router`, `router-2`. `files`: the configuration of each."""
     parent = os.getpid()
     for i, endpoint in enumerate(endpoints):
@@ -27,7 +29,7 @@ def router_jobs(endpoints: Sequence[str], files: Callable[[str], Path] | None = 
         options = ["--listen", endpoint, "--parent", str(parent)] + ([] if file is None else ["--config", str(file)])
         for other in link:
             options += ["--link", other]
-        yield Job(name, ("run", "router", *second), tuple(options), partial(run_router, [endpoint], file, parent, link))
+        yield Job(name, ("run", "router", *second), tuple(options), partial(run, [endpoint], file, parent, link))
 
 
 def checked_world(train: Train, duration_s: float | None) -> World | None:

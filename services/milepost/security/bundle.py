@@ -92,17 +92,18 @@ class Bundle:
     def write_sessions(self, listen: Sequence[str], connect: Sequence[str]) -> None:
         """The configurations of all sessions; the routers listen on `listen`, everybody else connects to `connect`."""
         for i, name in enumerate(ROUTERS[: len(listen)]):
-            self._write_session(name, self._router(listen[i], connect[:i]))
+            self._write_session(name, self._router(name, listen[i], connect[:i]))
         for name in names(self.train):
             if name not in ROUTERS:
                 tls = {**CONNECTS, **CHECKS}
                 connects = {"mode": "client", "connect": {"endpoints": list(connect)}, "transport": {"link": {"tls": tls}}}
                 self._write_session(name, {**connects, "scouting": {"multicast": {"enabled": False}}})
 
-    def _router(self, listen: str, link: Sequence[str]) -> dict[str, Any]:
+    def _router(self, name: str, listen: str, link: Sequence[str]) -> dict[str, Any]:
         config = zenoh_config.router([listen], link)
         config["transport"]["link"]["tls"] = {**CONNECTS, **LISTENS, **CHECKS}
-        return {**config, "access_control": access_control(self.train)}
+        about = {"name": name, "train": self.train.name}
+        return {**config, "metadata": about, "access_control": access_control(self.train)}
 
     def _write_session(self, name: str, config: dict[str, Any]) -> None:
         write_public(self.session(name), (json.dumps(config, indent=2) + "\n").encode())
