@@ -37,8 +37,8 @@ def free_port() -> int:
 class Outside:
     """A dispatch tool: plain eclipse-zenoh and msgpack, nothing of Milepost's."""
 
-    def __init__(self, *endpoints: str) -> None:
-        config = {
+    def __init__(self, *endpoints: str, config: dict | None = None) -> None:
+        config = config or {
             "mode": "client",
             "connect": {"endpoints": list(endpoints), "timeout_ms": 20000},
             "scouting": {"multicast": {"enabled": False}},

@@ -114,9 +114,8 @@ class Runner:
         self._read_newest(now_ns)
         with question.query as query:
             answer = self._node.answer(question.procedure)
-            if answer is None:
-                query.reply_err(b"nothing to say yet")
-            else:
+            # who has nothing to say yet says nothing: an error would be on the key of the question, which covers others' keys
+            if answer is not None:
                 # each on its own key: of several replies on one key Zenoh keeps one
                 query.reply(rpc_key(self._bus.train, question.procedure, self._name), encode(answer))
 

@@ -29,7 +29,8 @@ class Access:
     """Key expressions by what may be done on them; what is not listed is refused.
 
     `sends` and `receives` are samples, `remembers` and `recovers` what goes with streams that have a cache, `shows` and
-    `watches` liveliness tokens, `answers` and `asks` procedures.
+    `watches` liveliness tokens, `answers` and `asks` procedures. `hears` are the questions that may reach it:
+    those to all units.
     """
 
     name: str
@@ -41,6 +42,7 @@ class Access:
     watches: tuple[str, ...] = ()
     answers: tuple[str, ...] = ()
     asks: tuple[str, ...] = ()
+    hears: tuple[str, ...] = ()
 
 
 def names(train: Train) -> list[str]:
@@ -61,6 +63,7 @@ def _of_process(train: Train, process: Process, world: World | None) -> Access:
     sent += [(BY_NAME["event"], ""), (BY_NAME["health"], process.name)]
     received = [(BY_NAME[each.stream], each.unit) for each in node.subscriptions]
     answers, asks = _procedures(train, process, node)
+    caches = _keys("*", [(stream, "*") for stream, _ in sent if stream.cached])
     return Access(
         process.name,
         sends=_keys(train.name, sent),
@@ -74,6 +77,7 @@ def _of_process(train: Train, process: Process, world: World | None) -> Access:
         else (alive_key(train.name, process.name),),
         answers=tuple(answers),
         asks=tuple(asks),
+        hears=(*(_of_any_unit(key) for key in answers), *(f"{key}/{CACHE}" for key in caches)),
     )
 
 
@@ -103,6 +107,10 @@ def _tools(train: Train) -> Iterator[Access]:
     for name in READERS:
         yield Access(name, **read)
     yield Access(CHAOS, sends=_keys(train.name, [(BY_NAME["chaos"], "*")]) if train.file.chaos else (), **read)
+
+
+def _of_any_unit(procedure: str) -> str:
+    return f"{procedure.rpartition('/')[0]}/*" if "/@rpc/" in procedure else procedure
 
 
 def _is_recovered(stream: Stream) -> bool:

@@ -11,7 +11,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
-LOG_FILTER = "warn,zenoh::net::routing::interceptor::access_control=trace"
+LOG_FILTER = "error,zenoh_link_tls=warn,zenoh::net::routing::interceptor::access_control=trace"
 SAY_EVERY_S = 10.0
 # whoever sends on ever new keys must not fill the memory
 MOST = 256

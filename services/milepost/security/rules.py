@@ -54,7 +54,7 @@ def _rules(access: Access) -> Iterator[tuple[str, Rule]]:
     yield "answers", ("ingress", ("declare_queryable",), (*access.answers, *sent))
     # a cache answers with what was sent, on its key
     yield "replies", ("ingress", ("reply",), (*access.answers, *access.remembers))
-    yield "is asked", ("egress", ("query",), (*access.answers, *sent))
+    yield "is asked", ("egress", ("query",), access.hears)
     yield "asks", ("ingress", ("query",), (*access.asks, *got))
     yield "is answered", ("egress", ("reply",), (*access.asks, *access.recovers))
     # who else listens and answers: a publisher sends nothing before it knows that somebody listens. No content
