@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import os
+import signal
 import subprocess
 import sys
 import time
@@ -239,6 +241,21 @@ def test_faults_need_the_certificate_for_them(secure: Secure) -> None:
     assert inject("chaos").returncode == 0
 
 
+def test_processes_that_were_killed_come_back_with_all_that_they_need(secure: Secure) -> None:
+    known = len(secure.events("access_refused"))
+    for words in (("filter", "imu"), ("fuser",), ("world",)):
+        key = f"{TOP}/health/{'-'.join(words)}"
+        old = secure.dispatch.newest(key)["instance"]
+        os.kill(secure.stack.pid_of(*words), signal.SIGKILL)
+        secure.dispatch.wait_for(lambda key=key, old=old: secure.dispatch.newest(key)["instance"] != old, 20.0, "a successor")
+    truth = f"{TOP}/@sim/truth"
+    before = len(secure.dispatch.messages(truth))
+    secure.dispatch.wait_for(lambda: len(secure.dispatch.messages(truth)) > before + 50, 10.0, "the truth goes on")
+    assert any("filter-imu: continuing from the state" in line for line in secure.stack.errors)
+    assert len(secure.events("access_refused")) == known
+    secure.goes_on()
+
+
 def test_all_certificates_are_replaced_while_the_train_runs(secure: Secure) -> None:
     before = {path.parent.name: path.read_bytes() for path in secure.pki.glob(f"*/{IDENTITY}")}
     first = secure.dispatch.newest(f"{TOP}/state")["epoch"]
@@ -256,6 +273,7 @@ def test_all_certificates_are_replaced_while_the_train_runs(secure: Secure) -> N
     secure.dispatch.wait_for(lambda: secure.dispatch.newest(f"{TOP}/state")["epoch"] >= end, 10.0, "two seconds more")
     heard = [(at, m["epoch"]) for at, m in secure.dispatch.heard[f"{TOP}/state"] if first <= m["epoch"] <= end]
     gaps_s = [(b[0] - a[0]) * 1e-9 for a, b in pairwise(heard)]
+    print(f"rotation: longest gap {max(gaps_s):.3f} s, missing {end - first + 1 - len({epoch for _, epoch in heard})}")
     assert max(gaps_s) < 1.0
     assert end - first + 1 - len({epoch for _, epoch in heard}) <= 25
     secure.goes_on()
