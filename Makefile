@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 TRAIN ?= full
 UP ?=
 
-.PHONY: help up test test-fast lint bench compose-test pictures schema clean
+.PHONY: help up test test-fast lint audit bench compose-test pictures schema clean
 
 help: ## show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## /{printf "  make %-14s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -20,6 +20,10 @@ $(VENV)/.ready: pyproject.toml schemas/pyproject.toml requirements.lock
 
 $(VENV)/.bench: $(VENV)/.ready
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c requirements.lock -e ./schemas -e '.[dev,bench]'
+	touch $@
+
+$(VENV)/.audit: $(VENV)/.ready
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c requirements.lock -e ./schemas -e '.[dev,audit]'
 	touch $@
 
 up: $(VENV)/.ready ## start the default train and show it (TRAIN=name or file, UP="--duration 60 --report out.json")
@@ -39,6 +43,10 @@ lint: $(VENV)/.ready ## run ruff and mypy --strict, compare the exported schemas
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/milepost schema --check
+
+audit: $(VENV)/.audit ## look for known weaknesses in the pinned versions (needs PyPI) and for dangerous code
+	$(BIN)/bandit --quiet --recursive --severity-level medium services schemas
+	$(BIN)/pip-audit --disable-pip --no-deps --requirement requirements.lock
 
 bench: $(VENV)/.bench ## measure step costs, codec, offline speed, live latency and load, beside peers
 	$(BIN)/python -m tests.bench

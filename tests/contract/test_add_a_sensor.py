@@ -14,7 +14,16 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 GUIDE = (ROOT / "docs/add-a-sensor.md").read_text(encoding="utf-8")
 FOLDERS = ("services", "schemas", "deploy", "docs", "tests")
-FILES = ("compose.yaml", "pyproject.toml", "Makefile", "LICENSE", "README.md", "CONTRIBUTING.md")
+FILES = (
+    "compose.yaml",
+    "compose.secure.yaml",
+    "pyproject.toml",
+    "Makefile",
+    "LICENSE",
+    "README.md",
+    "CONTRIBUTING.md",
+    "SECURITY.md",
+)
 # all that looks at the kinds of sensors, at trains and at rooms
 TESTS = ("tests/contract", "tests/unit/test_sensors.py", "tests/unit/test_sensor_node.py", "tests/unit/test_column_map.py")
 ITSELF = "--ignore=tests/contract/test_add_a_sensor.py"

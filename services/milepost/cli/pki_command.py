@@ -60,6 +60,10 @@ def init(
         list[str],
         typer.Option("--connect", help="Endpoints under which the routers are reached, in their order. Default: as --listen."),
     ] = [],  # noqa: B006
+    owner: Annotated[
+        int | None,
+        typer.Option("--owner", min=0, help="User id of the processes, where it is another: 10001 in containers. Needs root."),
+    ] = None,
     state_dir: StateDirOption = None,
 ) -> None:
     """Make an authority, a certificate for each process, router and tool, and the session configurations that use them."""
@@ -69,7 +73,7 @@ def init(
         if not endpoint.startswith("tls/"):
             raise ConfigError("pki init", "--listen, --connect", f"{endpoint!r} is not tls/HOST:PORT")
     bundle = _bundle(train, folder, state_dir)
-    bundle.create(days, host)
+    bundle.create(days, host, owner)
     bundle.write_sessions(listen, connect or listen)
     _say(f"{bundle.folder}: certificates for {days:g} days; keep ca.key from everybody")
 

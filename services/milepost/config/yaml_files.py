@@ -45,7 +45,8 @@ def read_yaml(path: Path) -> dict[str, Any]:
     except UnicodeDecodeError as error:
         raise ConfigError(path, "", "not UTF-8 text") from error
     try:
-        content = yaml.load(text, Loader=_Loader)
+        # _Loader is a SafeLoader
+        content = yaml.load(text, Loader=_Loader)  # nosec B506
     except yaml.MarkedYAMLError as error:
         line = f"line {error.problem_mark.line + 1}" if error.problem_mark else ""
         raise ConfigError(path, line, error.problem or "not YAML") from error

@@ -35,7 +35,7 @@ def need_cryptography() -> None:
 
 
 def write_private(path: Path, content: bytes) -> None:
-    """Write a whole file or none, readable by its owner alone from its first byte on."""
+    """Write a whole file or none, readable from its first byte on by its owner alone: that of its folder."""
     _write(path, content, 0o600)
 
 
@@ -51,6 +51,9 @@ def _write(path: Path, content: bytes, mode: int) -> None:
         with os.fdopen(os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL, mode), "wb") as file:
             # the mode above passes the umask, which may take more away than it should
             os.fchmod(file.fileno(), mode)
+            folder = path.parent.stat()
+            if folder.st_uid != os.geteuid():
+                os.fchown(file.fileno(), folder.st_uid, folder.st_gid)
             file.write(content)
             file.flush()
             os.fsync(file.fileno())

@@ -50,9 +50,13 @@ class Bundle:
         """The whole session configuration of a process or tool."""
         return self.folder / name / SESSION
 
-    def create(self, days: float, hosts: Sequence[str]) -> None:
-        """An authority and a certificate for everybody. Raises ConfigError, OSError."""
+    def create(self, days: float, hosts: Sequence[str], owner: int | None = None) -> None:
+        """An authority and a certificate for everybody, owned by the user `owner`. Raises ConfigError, OSError."""
         authority = Authority.create(self.folder, self.train.name)
+        for name in names(self.train):
+            (self.folder / name).mkdir(mode=0o755)
+            if owner is not None:
+                os.chown(self.folder / name, owner, owner)
         self._issue(authority, names(self.train), days, hosts)
 
     def issue(self, wanted: Sequence[str], days: float, hosts: Sequence[str] = ()) -> None:
