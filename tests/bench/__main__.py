@@ -11,7 +11,15 @@ import sys
 import numpy as np
 
 from .bank import measure_bank
-from .live import WINDOW_S, measure_fast_load, measure_full_load, measure_raw, measure_startup, measure_train
+from .live import (
+    WINDOW_S,
+    measure_fast_load,
+    measure_full_load,
+    measure_raw,
+    measure_security,
+    measure_startup,
+    measure_train,
+)
 from .steps import OFFLINE, measure_nodes, measure_offline, measure_steps
 
 STARTS = 5
@@ -37,6 +45,9 @@ def main() -> None:
         say(f"live latency, pair {number + 1} of {options.pairs} ...")
         train, load = measure_train(WINDOW_S)
         pairs.append({"train": train, "raw": measure_raw(WINDOW_S), "load_cores": load})
+    if options.pairs and not options.offline_only:
+        say("cost of security ...")
+        found["security"] = {"pairs": options.pairs, **measure_security(options.pairs), "load_average": os.getloadavg()[0]}
     if pairs:
         found["live"] = {
             "pairs": pairs,
@@ -72,6 +83,8 @@ def table(found: dict) -> None:
     for name, speed in found["offline_x_real_time"].items():
         target = "    (at least 15)" if name == "full" else ""
         print(f"offline, {name:8} train              {speed:8.1f} x real time{target}")
+    if "security" in found:
+        table_of_security(found["security"])
     live = found.get("live")
     if live is None:
         return
@@ -86,6 +99,14 @@ def table(found: dict) -> None:
     startup = live["startup"]
     print(f"first state after `milepost up`       {startup['first_state_s']:8.2f} s             (at most 4)")
     print(f"memory of all its processes (PSS)     {startup['memory_pss_mib']:8.0f} MiB           (at most 600, aim 450)")
+
+
+def table_of_security(costs: dict) -> None:
+    print(
+        f"what certificates and access control cost, medians of {costs['pairs']} pairs, maglev, load {costs['load_average']:.1f}:"
+    )
+    for figure, unit in (("p50_ms", "ms"), ("p99_ms", "ms"), ("cores", "cores")):
+        print(f"  {figure.removesuffix('_ms'):36}{costs[f'open_{figure}']:8.2f} -> {costs[f'secure_{figure}']:.2f} {unit}")
 
 
 main()

@@ -21,7 +21,7 @@ import psutil
 import yaml
 import zenoh
 
-from milepost.runtime.zenoh_config import client
+from milepost.runtime.zenoh_config import Connection, client
 
 STEADY_S = 10.0
 WINDOW_S = 8.0
@@ -57,9 +57,14 @@ def summary(latencies_ms: list[float]) -> dict[str, float]:
     }
 
 
-def measure_train(seconds: float) -> tuple[dict[str, float], float]:
-    """From the publication of the radar reading at an epoch to that epoch's state outside; and the cores in use."""
+def measure_train(seconds: float, state_dir: Path | None = None) -> tuple[dict[str, float], float]:
+    """From the publication of the radar reading at an epoch to that epoch's state outside; and the cores in use.
+
+    `state_dir`: where a secure train keeps its certificates; without it the train is open.
+    """
     endpoint = free_endpoint()
+    secure = [] if state_dir is None else ["--secure", "--state-dir", str(state_dir)]
+    connection: Connection = [endpoint] if state_dir is None else certificates(state_dir, endpoint)
     published: dict[int, int] = {}
     received: dict[int, int] = {}
     first = threading.Event()
@@ -73,8 +78,8 @@ def measure_train(seconds: float) -> tuple[dict[str, float], float]:
         received[msgpack.unpackb(sample.payload.to_bytes())["measured_at_ns"]] = now
         first.set()
 
-    with processes(["-m", "milepost", "up", "--train", MAGLEV, "--headless", "--listen", endpoint]) as (up,):
-        with zenoh.open(zenoh.Config.from_json5(json.dumps(client([endpoint])))) as session:
+    with processes(["-m", "milepost", "up", "--train", MAGLEV, "--headless", "--listen", endpoint, *secure]) as (up,):
+        with zenoh.open(zenoh.Config.from_json5(json.dumps(client(connection)))) as session:
             kept = session.declare_subscriber(f"milepost/v1/{TRAIN}/state", state)
             if not first.wait(60.0):
                 raise RuntimeError("the train sent no state within a minute")
@@ -86,6 +91,29 @@ def measure_train(seconds: float) -> tuple[dict[str, float], float]:
         latencies = [(received[at] - published[at]) / 1e6 for at in received if at in published and at >= begin]
         load = measure_load(up.pid) if seconds >= WINDOW_S else 0.0
     return summary(latencies), load
+
+
+def certificates(state_dir: Path, endpoint: str) -> Path:
+    """The session file of a tool that reads; made here, so that a session can be opened before the train is there."""
+    from milepost.config.train import load_train
+    from milepost.security.bundle import certified
+
+    return certified(load_train(Path(MAGLEV)), state_dir, [endpoint.replace("tcp/", "tls/")])("dispatch")
+
+
+def measure_security(pairs: int) -> dict[str, float]:
+    """Latency and cores of a train without and with certificates, in turn: medians."""
+    found: dict[str, list[tuple[dict[str, float], float]]] = {"open": [], "secure": []}
+    with tempfile.TemporaryDirectory() as folder:
+        for _ in range(pairs):
+            found["open"].append(measure_train(WINDOW_S))
+            found["secure"].append(measure_train(WINDOW_S, Path(folder)))
+    out = {}
+    for name, runs in found.items():
+        for figure in ("p50_ms", "p99_ms"):
+            out[f"{name}_{figure}"] = float(np.median([latency[figure] for latency, _ in runs]))
+        out[f"{name}_cores"] = float(np.median([cores for _, cores in runs]))
+    return out
 
 
 def measure_startup(runs: int) -> dict[str, float]:

@@ -143,3 +143,16 @@ def test_a_session_ends_with_its_certificate_and_goes_on_with_a_new_one(secure, 
     print(f"certificate renewed: {renewed}, longest gap {gap_s:.3f} s")
     assert bool(after) == renewed
     Authority.load(bundle.folder).issue(bundle.folder / "fuser", "fuser", 7.0)
+
+
+def test_the_certificate_of_a_process_cannot_stand_for_a_router(secure) -> None:
+    bundle, _ = secure
+    port = free_port()
+    stolen = zenoh_config.router([f"tls/127.0.0.1:{port}"])
+    tls = zenoh_config.client(bundle.session("fuser"))["transport"]["link"]["tls"]
+    identity = tls["connect_certificate"]
+    stolen["transport"]["link"]["tls"] = {**tls, "listen_certificate": identity, "listen_private_key": identity}
+    victim = zenoh_config.tool(bundle.session("dispatch"), 1500)
+    victim["connect"]["endpoints"] = [f"tls/127.0.0.1:{port}"]
+    with opened(stolen), pytest.raises(zenoh.ZError, match="Unable to connect"):
+        opened(victim)
