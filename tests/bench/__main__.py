@@ -102,9 +102,7 @@ def table(found: dict) -> None:
 
 
 def table_of_security(costs: dict) -> None:
-    print(
-        f"what certificates and access control cost, medians of {costs['pairs']} pairs, maglev, load {costs['load_average']:.1f}:"
-    )
+    print(f"what certificates cost, maglev, medians of {costs['pairs']} pairs, load average {costs['load_average']:.1f}:")
     for figure, unit in (("p50_ms", "ms"), ("p99_ms", "ms"), ("cores", "cores")):
         print(f"  {figure.removesuffix('_ms'):36}{costs[f'open_{figure}']:8.2f} -> {costs[f'secure_{figure}']:.2f} {unit}")
 
