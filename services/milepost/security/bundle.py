@@ -87,11 +87,15 @@ class Bundle:
                 its_hosts = [*dict.fromkeys((name, *LOCAL_HOSTS, *hosts))] if hosts else hosts_of(folder / IDENTITY)
             authority.issue(folder, name, days, its_hosts or ((name, *LOCAL_HOSTS) if name in ROUTERS else ()))
 
-    def due(self, days: float) -> list[str]:
-        """Who has no certificate, or one that is valid for less than half of so many days."""
+    def due(self, days: float, hosts: Sequence[str]) -> list[str]:
+        """Who has no certificate, or one that is valid for less than half of so many days, or not for a router's hosts."""
         enough = datetime.datetime.now(datetime.UTC) + datetime.timedelta(days=days / 2.0)
         files = {name: self.folder / name / IDENTITY for name in names(self.train)}
-        return [name for name, file in files.items() if not file.is_file() or expires_at(file) < enough]
+        return [
+            name
+            for name, file in files.items()
+            if not file.is_file() or expires_at(file) < enough or (name in ROUTERS and not set(hosts) <= set(hosts_of(file)))
+        ]
 
     def write_sessions(self, listen: Sequence[str], connect: Sequence[str]) -> None:
         """The configurations of all sessions; the routers listen on `listen`, everybody else connects to `connect`."""
@@ -125,7 +129,7 @@ def certified(train: Train, state_dir: Path | None, listen: Sequence[str]) -> Ca
     try:
         if not (bundle.folder / ROOT).is_file():
             bundle.create(DEFAULT_DAYS, hosts)
-        elif due := bundle.due(DEFAULT_DAYS):
+        elif due := bundle.due(DEFAULT_DAYS, hosts):
             bundle.issue(due, DEFAULT_DAYS, hosts)
         bundle.write_sessions(listen, listen)
     except OSError as error:
