@@ -26,9 +26,11 @@ def router_jobs(
         second = (f"router-{i + 1}",) if i else ()
         name, link = "".join(second) or "router", endpoints[:i]
         file = files(name) if files is not None else None
-        options = ["--listen", endpoint, "--parent", str(parent)] + ([] if file is None else ["--config", str(file)])
-        for other in link:
-            options += ["--link", other]
+        options = ["--parent", str(parent)]
+        if file is not None:
+            options += ["--config", str(file)]
+        else:
+            options += ["--listen", endpoint, *(word for other in link for word in ("--link", other))]
         yield Job(name, ("run", "router", *second), tuple(options), partial(run, [endpoint], file, parent, link))
 
 
