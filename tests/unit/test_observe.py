@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from examples import EXAMPLES, head
-from milepost.runtime.observer import summarise
+from milepost.checks.observer import summarise
 from milepost_schemas import FusedState, Truth
 
 MS = 1_000_000

@@ -34,7 +34,7 @@ def observe(
     name: Annotated[str, typer.Option("--name")] = "*",
 ) -> None:
     """Listen from outside until stopped, then write a report."""
-    from milepost.runtime.observer import run_observe
+    from milepost.checks.observer import run_observe
 
     run_observe(zenoh_config or connect, name, report, stalls)
 

@@ -16,15 +16,7 @@ from milepost.runtime.zenoh_config import DEFAULT_ENDPOINT
 from .campaign_command import campaign
 from .helper_commands import display, observe, sentinel
 from .inject_command import FREE_OPTIONS, inject
-from .options import (
-    ConnectOption,
-    JsonOption,
-    StateDirOption,
-    TrainOption,
-    ZenohConfigOption,
-    complete_scenario,
-    show_versions,
-)
+from .options import ConnectOption, JsonOption, StateDirOption, TrainOption, ZenohConfigOption, complete_scenario, show_versions
 from .pki_command import acl, pki
 
 DEFAULT_TRAIN = Path("full")

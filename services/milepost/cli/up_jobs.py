@@ -38,7 +38,7 @@ def measuring_jobs(connection: Connection, report: Path | None, stalls: Path) ->
     """The outside observer, and the sentinel that notes when the machine stalls."""
     if report is None:
         return
-    from milepost.runtime.observer import run_observe
+    from milepost.checks.observer import run_observe
 
     from .stalls import run_sentinel
 

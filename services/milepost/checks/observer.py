@@ -11,10 +11,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from milepost.runtime.listening import listening
+from milepost.runtime.zenoh_config import Connection, client
 from milepost_schemas import BalisePassed, FusedState, Message, Truth
-
-from .listening import listening
-from .zenoh_config import Connection, client
 
 GAP_MS = 60.0
 
