@@ -51,5 +51,7 @@ def from_fields(fields: object, schema: type[M]) -> M:
         first = error.errors(include_url=False, include_context=False)[0]
         where = ".".join(str(part) for part in first["loc"]) or "message"
         raise Refused("invalid", f"{schema.SCHEMA}: {where}: {first['msg']}") from error
+    except UnicodeEncodeError as error:  # only JSON can hold it
+        raise Refused("invalid", f"{schema.SCHEMA}: a text with half of a surrogate pair") from error
     except RecursionError as error:
         raise Refused("invalid", f"{schema.SCHEMA}: nested too deeply") from error
