@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import pytest
 
-from milepost.runtime.process_pool import run_in_processes
+from milepost.offline.process_pool import run_in_processes
 
 
 def squared(task: float, progress: Callable[[float], None]) -> tuple[float, int]:

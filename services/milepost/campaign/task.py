@@ -10,8 +10,8 @@ from typing import Any
 from milepost.config.shipped_files import find_file
 from milepost.config.train import load_train
 from milepost.config.yaml_files import ConfigError
+from milepost.offline.process_pool import Cancelled
 from milepost.offline.run import simulate
-from milepost.runtime.process_pool import Cancelled
 from milepost.simulation.faults import FaultEntry
 
 from .fingerprint import code_fingerprint, digest, train_fingerprint
