@@ -1,6 +1,6 @@
 """The contract of Milepost: messages, codec and stream table. A dispatch tool needs no other package of it."""
 
-from .codec import Refused, decode, encode, from_fields
+from .codec import Refused, decode, encode, from_fields, unpack
 from .estimate import AbsoluteFix, Estimate, Feedback, JudgedReading, LinearObservation
 from .fault import FaultCommand
 from .health import Event, Health, Spread
@@ -44,4 +44,5 @@ __all__ = [
     "from_fields",
     "rpc_key",
     "simulation_start_key",
+    "unpack",
 ]

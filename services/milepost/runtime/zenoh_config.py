@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+from milepost_schemas import STREAMS
+
 # the priorities that rows of the stream table use, in Zenoh's names for their queues
 QUEUES = ("real_time", "interactive_high", "data", "background")
 DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
@@ -47,8 +49,21 @@ def tool(endpoints: list[str], timeout_ms: int = 2000) -> dict[str, Any]:
 
 
 def router(listen: list[str], link: Sequence[str] = ()) -> dict[str, Any]:
-    """A site's router, linked with others: clients of one hear those of the others. It does not wait for them."""
-    config = {"mode": "router", "listen": {"endpoints": listen}, **_base()}
+    """A site's router, linked with others: clients of one hear those of the others. It does not wait for them.
+
+    It drops what is larger than its stream allows. It limits no rates: Zenoh can only thin out to a least time between two
+    messages of a connection, which loses what comes at once after a stall. Subscribers limit them: see `flood`.
+    """
+    config = {"mode": "router", "listen": {"endpoints": listen}, "low_pass_filter": _size_limits(), **_base()}
     if link:
         config["connect"] = {"endpoints": list(link), "timeout_ms": -1, "exit_on_failure": False, "retry": dict(RETRY)}
     return config
+
+
+def _size_limits() -> list[dict[str, Any]]:
+    """One filter for each size in the stream table."""
+    keys: dict[int, dict[str, None]] = {}
+    for row in STREAMS:
+        keys.setdefault(row.largest_bytes, {})[row.key_for("*")] = None
+    each = {"messages": ["put"], "flows": ["ingress"]}
+    return [{"id": f"at-most-{size}-bytes", **each, "size_limit": size, "key_exprs": list(keys[size])} for size in sorted(keys)]
