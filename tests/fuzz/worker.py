@@ -156,8 +156,11 @@ def guided_by_coverage(examined: Examined, seed: int, out: Path) -> None:
 
     def alter(data: bytes, longest: int, seed: int) -> bytes:
         random = Random(seed)
-        if random.random() < 0.5:
+        kind = random.random()
+        if kind < 0.4:
             return atheris.Mutate(data, longest)
+        if kind < 0.7:  # libFuzzer alters what is altered already, and so little would be nearly valid
+            data = random.choice(target.seeds)
         return mutated(data, target.form, random)[:longest]
 
     options = [
