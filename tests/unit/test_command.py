@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import subprocess
 import sys
 from importlib.metadata import version
@@ -95,3 +96,24 @@ def test_a_missing_file_is_one_line_and_exit_code_2(
     assert mistake.startswith(f"milepost: {line}")
     assert all(each.startswith("milepost: reading ") for each in progress)
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("moment", ["typer.main.get_command", "milepost.config.shipped_files.find_file"])
+def test_ctrl_c_while_the_command_line_is_read_leaves_no_traceback(moment: str) -> None:
+    """WHEN Ctrl-C comes while the commands are built, or before a command's own code runs, THEN `up` ends without a word."""
+    module, _, name = moment.rpartition(".")
+    program = f"""
+import importlib, os, signal, sys
+module = importlib.import_module({module!r})
+real = module.{name}
+def interrupted(*arguments, **options):
+    os.kill(os.getpid(), signal.SIGINT)
+    return real(*arguments, **options)
+module.{name} = interrupted
+sys.argv = ["milepost", "up", "--headless", "--listen", "tcp/127.0.0.1:1"]
+from milepost.cli.entry import main
+main()
+"""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60)
+    assert done.returncode in (130, -signal.SIGINT)
+    assert "Traceback" not in done.stderr

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import sys
 from functools import partial
 from pathlib import Path
@@ -36,6 +37,8 @@ def milepost(
     ] = False,
 ) -> None:
     """Tells a train where it is and how fast it is going, with bounds on both errors."""
+    # the command line has been read, and from here on KeyboardInterrupt is caught
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @app.command()
