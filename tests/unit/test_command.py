@@ -117,3 +117,41 @@ main()
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60)
     assert done.returncode in (130, -signal.SIGINT)
     assert "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("words", "line"),
+    [
+        ("campaign", "campaign: FILE: required: campaign file, or the name of one: "),
+        ("run", "run: ROLE: required: one of router, world, sensor, filter, balise, fuser; see `milepost run --help`"),
+        ("run sensor", "run: UNIT: required: one of odometer-front, "),
+        (
+            "run sensr",
+            "run: ROLE: must be one of router, fuser, filter, balise, sensor, world, not 'sensr'",
+        ),
+        ("rerun", "rerun: READINGS: required: recorded messages: "),
+        ("rerun x", "rerun: --out: required: file for the settled states, one per line; see `milepost rerun --help`"),
+        ("evaluate", "evaluate: Invalid value for SCENARIO: name one scenario, or use --all; see `milepost evaluate --help`"),
+        ("inject", "inject: UNIT: required; "),
+        ("inject radar", "inject: FAULT: required: one of bias, "),
+        ("up --duration abc", "up: Invalid value for '--duration': "),
+        ("up --duration", "Option '--duration' requires an argument; see `milepost --help`"),
+        ("up --trian x", "up: No such option: --trian (Possible options: --train); see `milepost up --help`"),
+        ("bogus", "No such command 'bogus'; see `milepost --help`"),
+        ("run router --config router.json5 --link tcp/127.0.0.1:1", "run: --link: not with --config: router.json5 says itself"),
+    ],
+)
+def test_a_mistake_on_the_command_line_is_one_line_that_says_what_to_give(
+    command: Command, root: Path, monkeypatch: pytest.MonkeyPatch, words: str, line: str
+) -> None:
+    monkeypatch.chdir(root / "deploy/zenoh")
+    said = command.run(*words.split())
+    assert (said.code, said.out) == (2, "")
+    (mistake,) = said.err.splitlines()
+    assert mistake.startswith(f"milepost: {line}")
+
+
+def test_the_command_alone_shows_its_help(command: Command) -> None:
+    said = command.run()
+    assert "evaluate" in said.out + said.err
+    assert "Usage:" in said.out + said.err

@@ -11,7 +11,7 @@ from typing import Any, get_args
 from pydantic.fields import FieldInfo
 
 from milepost.config.errors import ConfigError
-from milepost.config.mistakes import must_be_one_of
+from milepost.config.mistakes import must_be_one_of, one_of
 from milepost.runtime.bus import NoRouterError
 from milepost.runtime.chaos import NoAnswerError, send_command
 from milepost.simulation.faults import FAULTS, FaultEntry, FaultKind, not_an_option, reason_of
@@ -57,7 +57,7 @@ def _fields(wanted: Wanted) -> dict[str, Any]:
             raise ConfigError("inject", "--clear", "ends all faults of a unit; name no other")
         return {}
     if wanted.fault not in FAULTS:
-        raise ConfigError("inject", "FAULT", must_be_one_of(FAULTS, wanted.fault))
+        raise ConfigError("inject", "FAULT", one_of(FAULTS, wanted.fault))
     options = _options(FAULTS[wanted.fault], wanted.options)
     try:
         FaultEntry.model_validate({"unit": wanted.unit, "kind": wanted.fault, "from_s": 0.0, "for_s": wanted.for_s, **options})

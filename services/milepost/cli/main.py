@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import signal
 import sys
-from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -17,6 +16,7 @@ from milepost.runtime.zenoh_config import DEFAULT_ENDPOINT
 from .campaign_command import campaign
 from .inject_command import FREE_OPTIONS, inject
 from .options import ConnectOption, JsonOption, StateDirOption, TrainOption, complete_scenario, show_versions
+from .usage import UsageError, usage_line
 
 DEFAULT_TRAIN = Path("full")
 
@@ -32,7 +32,7 @@ HIDDEN = {"hidden": True}
 
 @app.callback()
 def milepost(
-    version: Annotated[
+    version: Annotated[  # noqa: ARG001
         bool, typer.Option("--version", callback=show_versions, is_eager=True, help="Show the versions and exit.")
     ] = False,
 ) -> None:
@@ -225,5 +225,17 @@ def sentinel(stalls: Annotated[Path, typer.Option("--stalls")]) -> None:
 
 
 def main() -> None:
-    """Read the command line and do what it says. A configuration error is one line and exit code 2."""
-    sys.exit(exit_code(partial(app, prog_name="milepost")))
+    """Read the command line and do what it says. A mistake on it or in a configuration is one line and exit code 2."""
+    sys.exit(exit_code(_run))
+
+
+def _run() -> None:
+    try:
+        code = app(prog_name="milepost", standalone_mode=False)
+    except UsageError as error:
+        if type(error).__name__ == "NoArgsIsHelpError":  # `milepost` alone
+            error.show()
+        else:
+            print(f"milepost: {usage_line(error)}", file=sys.stderr)
+        sys.exit(error.exit_code)
+    sys.exit(code)
