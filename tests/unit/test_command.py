@@ -134,6 +134,8 @@ main()
         ("evaluate", "evaluate: Invalid value for SCENARIO: name one scenario, or use --all; see `milepost evaluate --help`"),
         ("inject", "inject: UNIT: required; "),
         ("inject radar", "inject: FAULT: required: one of bias, "),
+        ("inject radar --list", "inject: --list: shows the faults of all units; leave out radar"),
+        ("inject radar --clear bias", "inject: --clear: ends all faults of a unit; name no other"),
         ("up --duration abc", "up: Invalid value for '--duration': "),
         ("up --duration", "Option '--duration' requires an argument; see `milepost --help`"),
         ("up --trian x", "up: No such option: --trian (Possible options: --train); see `milepost up --help`"),

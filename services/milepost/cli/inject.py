@@ -107,8 +107,11 @@ def _value(option: str, field: FieldInfo, text: str) -> Any:
         raise ConfigError("inject", option, f"must be {what}, not {text!r}") from None
 
 
-def run_list(as_json: bool) -> int:
-    """Show the table of faults."""
+def run_list(wanted: Wanted, as_json: bool) -> int:
+    """Show the table of faults. Raises ConfigError for a unit or a fault beside it: the table is that of all."""
+    if wanted.unit or wanted.fault or wanted.clear:
+        beside = "--clear" if wanted.clear else wanted.unit or wanted.fault
+        raise ConfigError("inject", "--list", f"shows the faults of all units; leave out {beside}")
     if as_json:
         print(json.dumps([_row(row) for row in FAULTS.values()]))
         return 0
