@@ -2,6 +2,7 @@
 
 from .codec import Refused, decode, encode, from_fields, unpack
 from .estimate import AbsoluteFix, Estimate, Feedback, JudgedReading, LinearObservation
+from .event_codes import EVENT_CODES, EventCode
 from .fault import FaultCommand
 from .health import Event, Health, Spread
 from .message import COMMON_STATES, Gaussian, Message, Part
@@ -18,7 +19,9 @@ __all__ = [
     "BalisePassed",
     "BaliseTelegram",
     "Estimate",
+    "EVENT_CODES",
     "Event",
+    "EventCode",
     "FaultCommand",
     "Feedback",
     "FusedState",

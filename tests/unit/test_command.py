@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import re
 import signal
 import subprocess
 import sys
@@ -157,3 +159,12 @@ def test_the_command_alone_shows_its_help(command: Command) -> None:
     said = command.run()
     assert "evaluate" in said.out + said.err
     assert "Usage:" in said.out + said.err
+
+
+def test_events_are_listed_with_severity_and_meaning(command: Command) -> None:
+    said = command.run("events")
+    assert said.code in (0, None)
+    assert re.search(r"^unit_excluded +warning +a unit no longer counts, with the evidence$", said.out, re.M)
+    rows = json.loads(command.run("events", "--json").out)
+    assert len(rows) == len(said.out.splitlines())
+    assert {"code": "second_instance", "severity": "error", "meaning": "a process runs twice"} in rows

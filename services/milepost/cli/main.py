@@ -179,6 +179,14 @@ def rerun(
 
 
 @app.command()
+def events(as_json: JsonOption = False) -> None:
+    """Show every event that processes send: its code, how bad it is, and what it means."""
+    from .events import run_events
+
+    run_events(as_json)
+
+
+@app.command()
 def schema(
     out: Annotated[Path, typer.Option("--out", help="Folder to write to.")] = Path("schemas/json"),
     check: Annotated[bool, typer.Option("--check", help="Write nothing; exit code 1 if a file differs.")] = False,

@@ -19,11 +19,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from milepost.config.errors import ConfigError
-from milepost.runtime.endpoint import port_is_free
 from milepost.runtime.launch import ONE_THREAD, Job, is_router, share_what_is_loaded
 from milepost.runtime.proc import age_s, proportional_mib
 from milepost.runtime.stop_signals import StopSignals
 from milepost.runtime.supervisor import Supervisor
+
+from .endpoint import port_is_free
 
 if TYPE_CHECKING:
     from .display import Mode
