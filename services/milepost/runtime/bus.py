@@ -230,8 +230,10 @@ def open_message(received: Received, train: str, gate: Gate, now_ns: int) -> Mes
     encoding = str(sample.encoding)
     if encoding.startswith("application/msgpack;") and encoding != stream.message.encoding():
         raise Refused("other_schema", f"{key}: {encoding}, expected {stream.message.encoding()}")
-    fields = unpack(sample.payload.to_bytes())
-    gate.pass_through(stream.name, key, fields, now_ns)
+    payload = sample.payload.to_bytes()
+    gate.refuse_repeated(key, payload)
+    fields = unpack(payload)
+    gate.pass_through(stream.name, key, payload, fields, now_ns)
     message: Message = from_fields(fields, stream.message)
     if message.train != train:
         raise Refused("other_train", f"{key}: says train {message.train}")

@@ -15,7 +15,6 @@ MOST_KEYS = 1024
 # how much faster than expected a key may be, after a stall for a second at once, and the least that may always come
 HEADROOM, LEAST_HZ = 10.0, 100.0
 REMEMBERED = 1024
-LONGEST_NAME = 63
 
 
 class Waiting:
@@ -49,12 +48,12 @@ class Waiting:
 
 
 class _Key:
-    """What a key's messages were: the last ones, and how many more may come at once."""
+    """What a key's messages were: the last ones, by their hashes, and how many more may come at once."""
 
     def __init__(self, at_ns: int, tokens: float) -> None:
         self.at_ns, self.tokens = at_ns, tokens
-        self.seen: set[tuple[object, ...]] = set()
-        self.order: deque[tuple[object, ...]] = deque()
+        self.seen: set[int] = set()
+        self.order: deque[int] = deque()
 
 
 class Gate:
@@ -67,26 +66,32 @@ class Gate:
         self._limits_hz = {stream: max(LEAST_HZ, HEADROOM * hz) for stream, hz in expected_hz.items()}
         self._keys: dict[str, _Key] = {}
 
-    def pass_through(self, stream: str, key: str, fields: object, now_ns: int) -> None:
-        """Raise Refused (`duplicate`, `flood`) for a message, given what stands in it, that is not worth to be read."""
-        if not isinstance(fields, dict):
+    def refuse_repeated(self, key: str, payload: bytes) -> None:
+        """Raise Refused (`duplicate`) for bytes that have passed before."""
+        known = self._keys.get(self._place(key))
+        if known is not None and hash(payload) in known.seen:
+            raise Refused("duplicate", f"{key}: the same message came before")
+
+    def pass_through(self, stream: str, key: str, payload: bytes, fields: object, now_ns: int) -> None:
+        """Raise Refused (`flood`) for one message too many. `fields` are what its payload holds.
+
+        What does not even have the head of a message is left to its schema, and takes nothing from the others.
+        """
+        if not (isinstance(fields, dict) and type(fields.get("instance")) is str and type(fields.get("sequence")) is int):
             return
-        limit_hz = self._limits_hz.get(stream, LEAST_HZ)
-        place = key if key in self._keys or len(self._keys) < MOST_KEYS else ""
+        limit_hz, place = self._limits_hz.get(stream, LEAST_HZ), self._place(key)
         known = self._keys.get(place)
         if known is None:
             known = self._keys[place] = _Key(now_ns, limit_hz)
-        identity = (fields.get("instance"), fields.get("sequence"), str(fields.get("measured_at_ns"))[:LONGEST_NAME])
-        if not (isinstance(identity[0], str) and len(identity[0]) <= LONGEST_NAME and isinstance(identity[1], int)):
-            return  # its schema refuses it
-        if identity in known.seen:
-            raise Refused("duplicate", f"{key}: message {identity[1]} of {identity[0]} came before")
         known.tokens = min(limit_hz, known.tokens + (now_ns - known.at_ns) / NS_PER_S * limit_hz)
         known.at_ns = now_ns
         if known.tokens < 1.0:
             raise Refused("flood", f"{key}: more than {limit_hz:.0f} messages a second")
         known.tokens -= 1.0
-        known.seen.add(identity)
-        known.order.append(identity)
+        known.seen.add(hash(payload))
+        known.order.append(hash(payload))
         if len(known.order) > REMEMBERED:
             known.seen.discard(known.order.popleft())
+
+    def _place(self, key: str) -> str:
+        return key if key in self._keys or len(self._keys) < MOST_KEYS else ""

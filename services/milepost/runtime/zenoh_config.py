@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from milepost_schemas import STREAMS
-
 # the priorities that rows of the stream table use, in Zenoh's names for their queues
 QUEUES = ("real_time", "interactive_high", "data", "background")
 DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
@@ -62,6 +60,9 @@ def router(listen: list[str], link: Sequence[str] = ()) -> dict[str, Any]:
 
 def _size_limits() -> list[dict[str, Any]]:
     """One filter for each size in the stream table."""
+    # the messages take a while to import, and the command line needs this module at once
+    from milepost_schemas import STREAMS
+
     keys: dict[int, dict[str, None]] = {}
     for row in STREAMS:
         keys.setdefault(row.largest_bytes, {})[row.key_for("*")] = None
