@@ -4,8 +4,9 @@ VENV := .venv
 BIN := $(VENV)/bin
 TRAIN ?= full
 UP ?=
+FUZZ ?=
 
-.PHONY: help up test test-fast lint audit bench compose-test pictures schema clean
+.PHONY: help up test test-fast lint audit bench compose-test fuzz pictures schema clean
 
 help: ## show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## /{printf "  make %-14s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -24,6 +25,11 @@ $(VENV)/.bench: $(VENV)/.ready
 
 $(VENV)/.audit: $(VENV)/.ready
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c requirements.lock -e ./schemas -e '.[dev,audit]'
+	touch $@
+
+$(VENV)/.fuzz: $(VENV)/.ready
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c requirements.lock -e ./schemas -e '.[dev,fuzz]' \
+		|| echo "no atheris for this Python: inputs are altered by chance, not guided by coverage"
 	touch $@
 
 up: $(VENV)/.ready ## start the default train and show it (TRAIN=name or file, UP="--duration 60 --report out.json")
@@ -53,6 +59,9 @@ bench: $(VENV)/.bench ## measure step costs, codec, offline speed, live latency 
 
 compose-test: $(VENV)/.ready ## test compose.yaml and the Dask cluster with a container engine
 	$(BIN)/python -m pytest -m compose tests/compose
+
+fuzz: $(VENV)/.fuzz ## feed every decoder with hostile bytes, a million in all (FUZZ="--inputs N --target T")
+	$(BIN)/python -m tests.fuzz $(FUZZ)
 
 schema: $(VENV)/.ready ## export the JSON Schemas
 	$(BIN)/milepost schema

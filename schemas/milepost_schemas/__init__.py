@@ -1,7 +1,8 @@
 """The contract of Milepost: messages, codec and stream table. A dispatch tool needs no other package of it."""
 
-from .codec import Refused, decode, encode, from_fields
+from .codec import Refused, decode, encode, from_fields, unpack
 from .estimate import AbsoluteFix, Estimate, Feedback, JudgedReading, LinearObservation
+from .event_codes import EVENT_CODES, EventCode
 from .fault import FaultCommand
 from .health import Event, Health, Spread
 from .message import COMMON_STATES, Gaussian, Message, Part
@@ -18,7 +19,9 @@ __all__ = [
     "BalisePassed",
     "BaliseTelegram",
     "Estimate",
+    "EVENT_CODES",
     "Event",
+    "EventCode",
     "FaultCommand",
     "Feedback",
     "FusedState",
@@ -44,4 +47,5 @@ __all__ = [
     "from_fields",
     "rpc_key",
     "simulation_start_key",
+    "unpack",
 ]

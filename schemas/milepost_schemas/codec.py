@@ -7,9 +7,9 @@ from typing import Any, TypeVar
 import msgpack
 from pydantic import BaseModel, ValidationError
 
-from .message import Message
+from .message import Message, Part
 
-M = TypeVar("M", bound=Message)
+P = TypeVar("P", bound=Part)
 
 
 class Refused(ValueError):
@@ -28,28 +28,38 @@ def _fields(value: object) -> Any:
     raise TypeError(f"cannot encode {type(value).__name__}")
 
 
-def encode(message: Message) -> bytes:
+def encode(message: Part) -> bytes:
     """A message as a msgpack map."""
     data: bytes = msgpack.packb(message.__dict__, default=_fields)
     return data
 
 
-def decode(payload: bytes, schema: type[M]) -> M:
+def decode(payload: bytes, schema: type[P]) -> P:
     """A msgpack map as a message of the given schema. Raises Refused (`undecodable` or `invalid`)."""
+    return from_fields(unpack(payload), schema)
+
+
+def unpack(payload: bytes) -> object:
+    """What a payload holds, before anything is checked. Raises Refused (`undecodable`)."""
     try:
-        fields = msgpack.unpackb(payload)
+        return msgpack.unpackb(payload)
     except Exception as error:  # msgpack raises ValueError, StackError, ExtraData and more on garbage
         raise Refused("undecodable", f"not msgpack: {error or type(error).__name__}") from error
-    return from_fields(fields, schema)
 
 
-def from_fields(fields: object, schema: type[M]) -> M:
+def from_fields(fields: object, schema: type[P]) -> P:
     """A decoded map as a message of the given schema. Raises Refused (`invalid`), naming the first bad field."""
     try:
         return schema.model_validate(fields)
     except ValidationError as error:
         first = error.errors(include_url=False, include_context=False)[0]
         where = ".".join(str(part) for part in first["loc"]) or "message"
-        raise Refused("invalid", f"{schema.SCHEMA}: {where}: {first['msg']}") from error
+        raise Refused("invalid", f"{_name(schema)}: {where}: {first['msg']}") from error
+    except UnicodeEncodeError as error:  # only JSON can hold it
+        raise Refused("invalid", f"{_name(schema)}: a text with half of a surrogate pair") from error
     except RecursionError as error:
-        raise Refused("invalid", f"{schema.SCHEMA}: nested too deeply") from error
+        raise Refused("invalid", f"{_name(schema)}: nested too deeply") from error
+
+
+def _name(schema: type[Part]) -> str:
+    return schema.SCHEMA if issubclass(schema, Message) else schema.__name__

@@ -22,6 +22,8 @@ ROOT = "milepost/v1"
 # (`fusion.feedback_every`); the clock, once a second; or nothing, where messages come as things happen.
 Pace = Literal["unit", "epoch", "feedback", "second", "event"]
 Priority = Literal["real_time", "interactive_high", "data_high", "data", "background"]
+# a few numbers and names take some 300 bytes
+SMALL = 4096
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,7 +31,8 @@ class Stream:
     """One row of the table.
 
     `key` is below `milepost/v1/{train}/`. `cached` > 0 asks for a publisher that remembers so many messages; subscribers
-    recover what an interruption lost of them where the stream is paced by events.
+    recover what an interruption lost of them where the stream is paced by events. Routers drop what is larger than
+    `largest_bytes`.
     """
 
     name: str
@@ -39,6 +42,8 @@ class Stream:
     priority: Priority
     cached: int
     purpose: str
+    # the fused state of a train with a hundred private states, three times over
+    largest_bytes: int = 262_144
 
     def key_for(self, train: str, unit: str = "*") -> str:
         """The full key of this stream for a train and a unit ('*' for any)."""
@@ -46,8 +51,10 @@ class Stream:
 
 
 STREAMS: tuple[Stream, ...] = (
-    Stream("speed_reading", "reading/{unit}", SpeedReading, "unit", "interactive_high", 0, "speed from radar, loop or wheel"),
-    Stream("position_reading", "reading/{unit}", PositionReading, "unit", "interactive_high", 0, "position from GNSS"),
+    Stream(
+        "speed_reading", "reading/{unit}", SpeedReading, "unit", "interactive_high", 0, "speed from radar, loop or wheel", SMALL
+    ),
+    Stream("position_reading", "reading/{unit}", PositionReading, "unit", "interactive_high", 0, "position from GNSS", SMALL),
     Stream(
         "inertial_reading",
         "reading/{unit}",
@@ -56,10 +63,13 @@ STREAMS: tuple[Stream, ...] = (
         "interactive_high",
         0,
         "specific force and turn rate from an inertial unit",
+        SMALL,
     ),
-    Stream("balise_telegram", "reading/{unit}", BaliseTelegram, "event", "interactive_high", 0, "a balise under the reader"),
+    Stream(
+        "balise_telegram", "reading/{unit}", BaliseTelegram, "event", "interactive_high", 0, "a balise under the reader", SMALL
+    ),
     Stream("estimate", "estimate/{unit}", Estimate, "unit", "interactive_high", 0, "a local filter's belief and observations"),
-    Stream("fix", "fix/{unit}", AbsoluteFix, "event", "interactive_high", 50, "an absolute position from a balise"),
+    Stream("fix", "fix/{unit}", AbsoluteFix, "event", "interactive_high", 50, "an absolute position from a balise", SMALL),
     Stream("feedback", "feedback", Feedback, "feedback", "interactive_high", 50, "the fused state, back to the filters"),
     Stream("state", "state", FusedState, "epoch", "real_time", 50, "the product, for dispatch tools"),
     Stream("event", "event", Event, "event", "data", 50, "what a person should read"),

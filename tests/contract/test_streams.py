@@ -115,6 +115,7 @@ def test_schema_names_and_versions_name_one_message_each() -> None:
 def test_a_row_is_consistent(row: Stream) -> None:
     assert row.paced_by in get_args(Pace)
     assert row.cached >= 0
+    assert max(len(encode(message)) for message in examples_of(row)) < row.largest_bytes / 4
     assert row.priority in PRIORITIES
     assert row.purpose
     key = row.key_for("t1", "u1")

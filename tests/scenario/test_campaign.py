@@ -113,6 +113,33 @@ def test_the_page_needs_no_other_file_and_maps_every_cell(results, reported):
     assert page.count('<td class="') == 2
 
 
+def test_a_fault_that_had_nothing_to_act_on_is_not_called_unfound(tmp_path):
+    """WHEN a reader lies only about a balise that the train never comes to, THEN that is said in its own word, and no share."""
+    faults = [
+        {"label": "far away", "kind": "wrong_balise", "options": {"balise": "b02000"}, "units": ["balise-reader"]},
+        {"label": "any", "kind": "missed_balise", "units": ["balise-reader"]},
+    ]
+    report = tmp_path / "report"
+    done = campaign(written(tmp_path, trains={"maglev": {"train": "maglev", "duration_s": 8.0}}, faults=faults), "--json",
+                    "--report", report)  # fmt: skip
+    far, any_ = json.loads(done.stdout)["cells"]
+    assert (far["detected_percent"], far["never_acted_runs"]) == (None, 2)
+    assert (any_["detected_percent"], any_["never_acted_runs"]) == (0.0, 0), "a balise passed, and its telegram was kept back"
+    page = (report / "index.html").read_text(encoding="utf-8")
+    assert page.count("<b>– never acted</b>") == 1
+    assert page.count("<b>? not found</b>") == 1
+
+
+def test_a_report_of_another_campaign_is_not_replaced(tiny, reported, tmp_path):
+    _, report = reported
+    before = (report / "index.html").read_bytes()
+    done = campaign(written(tmp_path, campaign="another"), "--report", report)
+    assert done.returncode == 2
+    place = report / "results.json"
+    assert done.stderr == f"milepost: {place}: is the report of the campaign 'tiny'; choose another folder for 'another'\n"
+    assert (report / "index.html").read_bytes() == before
+
+
 def test_finished_runs_are_taken_from_the_file(tiny, reported, tmp_path):
     """A figure that is changed in the file shows that the run was not made again; a run that is not there is made."""
     lines = (reported[1] / "runs.jsonl").read_text(encoding="utf-8").splitlines()

@@ -179,9 +179,9 @@ def test_no_process_outlives_an_evaluation_that_is_ended(folder, how):
     command = [sys.executable, "-m", "milepost", "evaluate", folder / "tiny.yaml", "--runs", "500", "--jobs", "2"]
     running = subprocess.Popen(command, cwd=ROOT, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, start_new_session=True)
     try:
-        # the workers are there: a manager, two of them, and who looks after their resources. They work: one that has just been
-        # started cannot even read what it is for, and says so
-        while not at_work(psutil.Process(running.pid).children(), 2.0):
+        # the workers are there: a manager, two of them, and who looks after their resources. A kill waits until they work: one
+        # that has just been started cannot even read what it is for, and says so
+        while not at_work(psutil.Process(running.pid).children(), 0.0 if how == signal.SIGINT else 2.0):
             with pytest.raises(subprocess.TimeoutExpired):
                 running.wait(timeout=0.05)
         end(running, how)

@@ -84,6 +84,11 @@ def test_a_misfit_and_a_missing_unit_are_refused(chaotic):
     done = inject(stack.endpoint, "rader", "bias", "--size", "5")
     assert done.returncode == 2
     assert "inject: UNIT: must be one of balise-reader, loop, radar, not 'rader'; did you mean 'radar'?" in done.stderr
+    cleared = inject(stack.endpoint, "rader", "--clear")
+    assert (cleared.returncode, cleared.stderr) == (2, done.stderr)
+    done = inject(stack.endpoint, "balise-reader", "missed_balise", "--balise", "zzz")
+    assert done.returncode == 2
+    assert done.stderr.startswith("milepost: maglev-1: balise-reader: balise: zzz is not among the ")
     done = inject(stack.endpoint, "radar", "stuck", "--train", "maglev-2")
     assert done.returncode == 2
     assert "inject: --train: must be one of maglev-1, not 'maglev-2'" in done.stderr

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import json
+import re
+import signal
 import subprocess
 import sys
 from importlib.metadata import version
@@ -95,3 +98,73 @@ def test_a_missing_file_is_one_line_and_exit_code_2(
     assert mistake.startswith(f"milepost: {line}")
     assert all(each.startswith("milepost: reading ") for each in progress)
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("moment", ["typer.main.get_command", "milepost.config.shipped_files.find_file"])
+def test_ctrl_c_while_the_command_line_is_read_leaves_no_traceback(moment: str) -> None:
+    """WHEN Ctrl-C comes while the commands are built, or before a command's own code runs, THEN `up` ends without a word."""
+    module, _, name = moment.rpartition(".")
+    program = f"""
+import importlib, os, signal, sys
+module = importlib.import_module({module!r})
+real = module.{name}
+def interrupted(*arguments, **options):
+    os.kill(os.getpid(), signal.SIGINT)
+    return real(*arguments, **options)
+module.{name} = interrupted
+sys.argv = ["milepost", "up", "--headless", "--listen", "tcp/127.0.0.1:1"]
+from milepost.cli.entry import main
+main()
+"""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60)
+    assert done.returncode in (130, -signal.SIGINT)
+    assert "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("words", "line"),
+    [
+        ("campaign", "campaign: FILE: required: campaign file, or the name of one: "),
+        ("run", "run: ROLE: required: one of router, world, sensor, filter, balise, fuser; see `milepost run --help`"),
+        ("run sensor", "run: UNIT: required: one of odometer-front, "),
+        (
+            "run sensr",
+            "run: ROLE: must be one of router, fuser, filter, balise, sensor, world, not 'sensr'",
+        ),
+        ("rerun", "rerun: READINGS: required: recorded messages: "),
+        ("rerun x", "rerun: --out: required: file for the settled states, one per line; see `milepost rerun --help`"),
+        ("evaluate", "evaluate: Invalid value for SCENARIO: name one scenario, or use --all; see `milepost evaluate --help`"),
+        ("inject", "inject: UNIT: required; "),
+        ("inject radar", "inject: FAULT: required: one of bias, "),
+        ("inject radar --list", "inject: --list: shows the faults of all units; leave out radar"),
+        ("inject radar --clear bias", "inject: --clear: ends all faults of a unit; name no other"),
+        ("up --duration abc", "up: Invalid value for '--duration': "),
+        ("up --duration", "Option '--duration' requires an argument; see `milepost --help`"),
+        ("up --trian x", "up: No such option: --trian (Possible options: --train); see `milepost up --help`"),
+        ("bogus", "No such command 'bogus'; see `milepost --help`"),
+        ("run router --config router.json5 --link tcp/127.0.0.1:1", "run: --link: not with --config: router.json5 says itself"),
+    ],
+)
+def test_a_mistake_on_the_command_line_is_one_line_that_says_what_to_give(
+    command: Command, root: Path, monkeypatch: pytest.MonkeyPatch, words: str, line: str
+) -> None:
+    monkeypatch.chdir(root / "deploy/zenoh")
+    said = command.run(*words.split())
+    assert (said.code, said.out) == (2, "")
+    (mistake,) = said.err.splitlines()
+    assert mistake.startswith(f"milepost: {line}")
+
+
+def test_the_command_alone_shows_its_help(command: Command) -> None:
+    said = command.run()
+    assert "evaluate" in said.out + said.err
+    assert "Usage:" in said.out + said.err
+
+
+def test_events_are_listed_with_severity_and_meaning(command: Command) -> None:
+    said = command.run("events")
+    assert said.code in (0, None)
+    assert re.search(r"^unit_excluded +warning +a unit no longer counts, with the evidence$", said.out, re.M)
+    rows = json.loads(command.run("events", "--json").out)
+    assert len(rows) == len(said.out.splitlines())
+    assert {"code": "second_instance", "severity": "error", "meaning": "a process runs twice"} in rows

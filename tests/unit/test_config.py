@@ -396,6 +396,11 @@ SCENARIO_MISTAKES: dict[str, tuple[dict[str, Any], str, str]] = {
     "alone without anybody": ({"alone": ["wheel"]}, "alone", "wheel"),
     "fault of nobody": ({"faults": [{"unit": "rader", "kind": "stuck", "from_s": 1.0}]}, "faults.0.unit", "'radar'"),
     "unknown fault": ({"faults": [{"unit": "radar", "kind": "broken", "from_s": 1.0}]}, "faults.0: kind", "'broken'"),
+    "fault of a balise that is not there": (
+        {"faults": [{"unit": "balise-reader", "kind": "missed_balise", "from_s": 1.0, "balise": "zzz"}]},
+        "faults.0",
+        "balise-reader: balise: zzz is not among the 50 of test-line",
+    ),
     "fault without its option": ({"faults": [{"unit": "radar", "kind": "bias", "from_s": 1.0}]}, "faults.0: size", "required"),
     "misspelt option of a fault": (
         {"faults": [{"unit": "radar", "kind": "bias", "from_s": 1.0, "siz": 1.0}]},

@@ -84,6 +84,18 @@ def test_a_command_that_cannot_be_obeyed_is_refused(kind: str, fields: dict[str,
     assert readings(node.tick(T0 + 2 * S)) == readings(lying().tick(T0 + 2 * S))
 
 
+def test_a_fault_of_a_balise_that_the_line_does_not_have_is_refused() -> None:
+    on, line = world(), straight_line(1000.0)
+    reader = sensor("balise_reader", line, "reader")
+    inner = SensorNode("t1", "i1", reader, reader.open(on, 0.0), T0)
+    around = Surroundings("reader", "balise_telegram", "balise_reader", line, on.motion)
+    node = FaultySensor(inner, Injection(around, T0), takes_commands=True)
+    said = answer(node, "missed_balise", T0 + S, words={"balise": "b0000"})
+    assert said.code == "fault_refused"
+    assert "balise: b0000 is not among the 10 of test-line; did you mean 'b00010'?" in said.text
+    assert answer(node, "missed_balise", T0 + S, words={"balise": "b00003"}).code == "fault_injected"
+
+
 def test_a_command_cannot_name_another_unit_or_time() -> None:
     node = lying()
     answer(node, "drop_out", T0 + S + LATER, numbers={"from_s": 50.0, "for_s": 1.0}, words={"unit": "loop"})

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import os
+import signal
+import threading
+import time
 from collections.abc import Callable
 
+import psutil
 import pytest
 
-from milepost.runtime.process_pool import run_in_processes
+from milepost.offline.process_pool import run_in_processes
 
 
 def squared(task: float, progress: Callable[[float], None]) -> tuple[float, int]:
@@ -49,3 +53,29 @@ def test_a_task_that_fails_fails_the_whole(jobs: int) -> None:
 @pytest.mark.parametrize("jobs", [1, 2])
 def test_without_tasks_there_are_no_results(jobs: int) -> None:
     assert run_in_processes(squared, [], jobs, lambda done: None) == []
+
+
+def waits(task: float, progress: Callable[[float], None]) -> float:
+    while True:
+        progress(task)
+        time.sleep(0.01)
+
+
+@pytest.mark.parametrize("where", ["spawning", "watching"])
+def test_an_interrupt_ends_all_wherever_it_comes(where: str) -> None:
+    """GIVEN workers that never end, WHEN Ctrl-C comes while they are spawned or watched, THEN all end, and nobody hangs."""
+    before = set(psutil.Process().children(recursive=True))
+
+    def look(done: float) -> None:
+        if where == "watching":
+            os.kill(os.getpid(), signal.SIGINT)
+
+    if where == "spawning":
+        threading.Timer(0.2, os.kill, (os.getpid(), signal.SIGINT)).start()
+    with pytest.raises(KeyboardInterrupt):
+        run_in_processes(waits, [1.0, 2.0, 3.0], 2, look)
+    left = [
+        p for p in set(psutil.Process().children(recursive=True)) - before if "resource_tracker" not in " ".join(p.cmdline())
+    ]
+    assert psutil.wait_procs(left, timeout=10.0)[1] == []
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from examples import write_train
 from milepost.config.scenario_file import load_scenario
 from milepost.config.shipped_files import find_file, names_in, scenario_folder, shipped_folder
 from milepost.config.train import load_train
@@ -74,6 +75,18 @@ def test_a_scenario_prefers_the_file_beside_it(elsewhere: Path, root: Path) -> N
     path = elsewhere / "mine.yaml"
     path.write_text("{scenario: mine, train: metro, duration_s: 1.0}", encoding="utf-8")
     assert load_scenario(path)[1].name == "maglev-1"
+
+
+@pytest.mark.parametrize(("field", "text"), [("train", "neither a file nor one of the trains"), ("line", "no such file")])
+def test_a_name_that_no_file_can_have_is_a_mistake_in_the_file(elsewhere: Path, field: str, text: str) -> None:
+    path = elsewhere / "mine.yaml"
+    if field == "train":
+        path.write_text(f"{{scenario: mine, train: {'a' * 300}, duration_s: 1.0}}", encoding="utf-8")
+    else:
+        write_train(elsewhere, {"line": "a" * 300})
+        path = elsewhere / "train.yaml"
+    with pytest.raises(ConfigError, match=text):
+        load_scenario(path) if field == "train" else load_train(path)
 
 
 def test_an_unknown_name_lists_the_known_and_the_nearest(elsewhere: Path) -> None:

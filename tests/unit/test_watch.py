@@ -92,3 +92,9 @@ def test_status_tells_units_that_are_wrong_from_those_that_are_silent() -> None:
     fields = [{"unit": unit, "reason": reason, "kind": kind} for unit, reason, kind in entries]
     state = FusedState.model_validate({**EXAMPLES["state"][0].model_dump(), "excluded": fields})
     assert "; excluded: radar (biased); not heard: loop (process gone)" in _line(state)
+
+
+def test_status_names_the_units_before_whose_reading_the_state_was_sent() -> None:
+    state = EXAMPLES["state"][0]
+    assert "; sent before loop had come" in _line(state)
+    assert "sent before" not in _line(state.model_copy(update={"awaiting": []}))

@@ -92,3 +92,8 @@ def test_every_priority_of_the_stream_table_has_a_queue_that_survives_a_stall():
     for config in CONFIGS.values():
         sizes = read_back(config, "transport/link/tx/queue/size")
         assert {sizes[row.priority] for row in STREAMS} == {16}
+
+
+def test_a_router_limits_the_size_of_every_stream() -> None:
+    limits = {key: rule["size_limit"] for rule in read_back(CONFIGS["router"], "low_pass_filter") for key in rule["key_exprs"]}
+    assert limits == {row.key_for("*"): row.largest_bytes for row in STREAMS}

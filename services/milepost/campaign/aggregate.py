@@ -94,9 +94,12 @@ def _interval(runs: Sequence[Figures]) -> dict[str, Any]:
 
 
 def _detection(runs: Sequence[Figures]) -> dict[str, Any]:
-    """When the liars were excluded, doubted, and named by a warning; None throughout where nobody lies."""
+    """When the liars were excluded, doubted, and named by a warning; None throughout where nobody lies.
+
+    Runs in which no fault had anything to act on are counted by themselves.
+    """
     lying = [run for run in runs if run["liars"]]
-    out: dict[str, Any] = {}
+    out: dict[str, Any] = {"never_acted_runs": sum(run["never_acted"] > 0 and not run["liars"] for run in runs)}
     for word, key in (("detected", "time_to_detect"), ("doubted", "time_to_doubt"), ("warned", "time_to_warn")):
         times = [run[f"{key}_s"] for run in lying]
         out[f"{word}_percent"] = percent(sum(time is not None for time in times), len(lying))

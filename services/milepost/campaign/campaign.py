@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from milepost.runtime.process_pool import Finished, Progress, run_in_processes
+from milepost.offline.process_pool import Finished, Progress, run_in_processes
 
 from .aggregate import aggregate, violated
 from .campaign_file import CampaignFile

@@ -9,7 +9,7 @@ from importlib.util import find_spec
 from typing import Any
 
 from milepost.config.yaml_files import ConfigError
-from milepost.runtime.process_pool import Finished, Progress
+from milepost.offline.process_pool import Finished, Progress
 
 from .campaign import Executor
 from .task import Figures, Task, run_task

@@ -23,11 +23,15 @@ DIGITS = 6
 
 
 class Spell(NamedTuple):
-    """The fault of a unit: from when to when, in scenario time; `to_s` is infinite where it does not end."""
+    """The fault of a unit: from when to when, in scenario time; `to_s` is infinite where it does not end.
+
+    `acts`: whether there was anything for it to act on; a reader that passes no balise cannot lie.
+    """
 
     unit: str
     from_s: float
     to_s: float
+    acts: bool = True
 
 
 class Epoch(NamedTuple):
@@ -67,7 +71,8 @@ def measure(watch: Watch, spells: Sequence[Spell], onset_s: float, units: Sequen
     before, after = [e for e in epochs if e.t_s < onset_s], [e for e in epochs if e.t_s >= onset_s]
     due = sum(t >= onset_s for t in watch.truth)
     figures: dict[str, Any] = {
-        "liars": len(spells),
+        "liars": sum(spell.acts for spell in spells),
+        "never_acted": sum(not spell.acts for spell in spells),
         "observed_s": _span_s(after),
         "epochs": len(after),
         "epochs_without_state": due - len(after),
@@ -75,7 +80,7 @@ def measure(watch: Watch, spells: Sequence[Spell], onset_s: float, units: Sequen
     }
     figures |= _interval(after)
     figures |= _errors([e for e in after if e.t_s < end_s], "during") | _errors([e for e in after if e.t_s >= end_s], "after")
-    figures |= _detection(after, [_acting(spell, watch.telegrams) for spell in spells], watch.said)
+    figures |= _detection(after, [_acting(spell, watch.telegrams) for spell in spells if spell.acts], watch.said)
     figures |= _innocents(after, sorted(set(units) - {spell.unit for spell in spells}))
     figures |= _recovery(after, [spell for spell in spells if not math.isinf(spell.to_s)])
     resets = [e.state.reset_m for e in after if e.state.reset_m is not None]

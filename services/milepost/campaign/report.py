@@ -63,6 +63,8 @@ def mark(cell: dict[str, Any]) -> Mark:
     if not cell["units"]:
         return Mark("held", "– held", innocents)
     found, found_s = cell["detected_percent"], cell["time_to_detect_p50_s"]
+    if found is None:  # in no run was there anything for the fault to act on
+        return Mark("held", "– never acted", innocents)
     if found < 100.0:
         known = "doubted" if cell["doubted_percent"] == 100.0 else "warned of" if cell["warned_percent"] == 100.0 else ""
         return Mark("unseen", f"? found in {found:.0f} %" if found else "? not found", f"{known} {innocents}".strip())

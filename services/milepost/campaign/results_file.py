@@ -40,7 +40,7 @@ class ResultsFile:
             try:
                 entry: dict[str, Any] = json.loads(line)
                 self._found[entry["key"]] = dict(entry["figures"])
-            except (ValueError, KeyError, TypeError) as error:
+            except (ValueError, KeyError, TypeError, RecursionError) as error:
                 raise ConfigError(self._path, f"line {number}", "not a result of a campaign") from error
         self._file.seek(whole)
         self._file.truncate()

@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import Any
 
 from milepost.config.shipped_files import find_file
-from milepost.config.train import load_train
+from milepost.config.train import Train, load_train
 from milepost.config.yaml_files import ConfigError
+from milepost.offline.process_pool import Cancelled
 from milepost.offline.run import simulate
-from milepost.runtime.process_pool import Cancelled
 from milepost.simulation.faults import FaultEntry
 
 from .fingerprint import code_fingerprint, digest, train_fingerprint
@@ -83,4 +83,15 @@ def run_task(task: Task, progress: Callable[[float], None]) -> Figures:
         raise
     except Exception as error:  # a fault that stops a node is a result, not the end of the campaign
         return {"crashed": " ".join(f"{type(error).__name__}: {error}".split())}
-    return measure(watch, [Spell(entry.unit, entry.from_s, entry.to_s) for entry in entries], task.onset_s, list(train.sensors))
+    spells = [Spell(entry.unit, entry.from_s, entry.to_s, _acts(entry, train, watch)) for entry in entries]
+    return measure(watch, spells, task.onset_s, list(train.sensors))
+
+
+def _acts(entry: FaultEntry, train: Train, watch: Watch) -> bool:
+    """Whether a fault has anything to act on: that of a balise reader, only where the train passes a balise meanwhile."""
+    if train.sensors[entry.unit].stream != "balise_telegram":
+        return True
+    passed_m = [place for at_s, (place, _) in watch.truth.items() if entry.from_s <= at_s < entry.to_s]
+    wanted = getattr(entry.options(), "balise", None)
+    places_m = [balise.position_m for balise in train.line.balises if wanted in (None, balise.balise_id)]
+    return bool(passed_m) and any(min(passed_m) <= place <= max(passed_m) for place in places_m)

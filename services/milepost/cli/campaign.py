@@ -34,6 +34,7 @@ def run_campaign_command(
     if report is not None and report.exists() and not report.is_dir():
         raise ConfigError(report, "", "is not a folder")
     file = load_campaign(path)
+    _check_report(report, file.campaign)
     planned = cells(path, file, runs, seed)
     kept = resume if resume is not None or report is None else report / RESULTS
     text = f"{file.campaign}: {len(planned)} cells"
@@ -47,6 +48,19 @@ def run_campaign_command(
         write_report(report, campaign)
     print(json.dumps(campaign.as_dict()) if as_json else table(campaign))
     return int(bool(campaign.violated))
+
+
+def _check_report(folder: Path | None, campaign: str) -> None:
+    """Whether a folder holds no report, or one of this campaign. Raises ConfigError."""
+    results = None if folder is None else folder / "results.json"
+    if results is None or not results.is_file():
+        return
+    try:
+        there = json.loads(results.read_text(encoding="utf-8"))["campaign"]
+    except (ValueError, TypeError, KeyError, RecursionError) as error:
+        raise ConfigError(results, "", "is no report of a campaign; choose another folder") from error
+    if there != campaign:
+        raise ConfigError(results, "", f"is the report of the campaign {there!r}; choose another folder for {campaign!r}")
 
 
 def _executor(dask: str | None, jobs: int | None) -> Executor:

@@ -1,4 +1,4 @@
-"""The command's entry point. Until its command line has been read, Ctrl-C ends it without a traceback."""
+"""The command's entry point. Until its command line has been read, Ctrl-C just ends it, without a traceback."""
 
 from __future__ import annotations
 
@@ -6,9 +6,8 @@ import signal
 
 
 def main() -> None:
-    """Run `milepost`."""
+    """Run `milepost`. From when its command begins, Ctrl-C is KeyboardInterrupt: see `main.milepost`."""
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     from .main import main as run
 
-    signal.signal(signal.SIGINT, signal.default_int_handler)
     run()

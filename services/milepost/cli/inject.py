@@ -11,7 +11,7 @@ from typing import Any, get_args
 from pydantic.fields import FieldInfo
 
 from milepost.config.errors import ConfigError
-from milepost.config.mistakes import must_be_one_of
+from milepost.config.mistakes import must_be_one_of, one_of
 from milepost.runtime.bus import NoRouterError
 from milepost.runtime.chaos import NoAnswerError, send_command
 from milepost.runtime.zenoh_config import Connection
@@ -58,7 +58,7 @@ def _fields(wanted: Wanted) -> dict[str, Any]:
             raise ConfigError("inject", "--clear", "ends all faults of a unit; name no other")
         return {}
     if wanted.fault not in FAULTS:
-        raise ConfigError("inject", "FAULT", must_be_one_of(FAULTS, wanted.fault))
+        raise ConfigError("inject", "FAULT", one_of(FAULTS, wanted.fault))
     options = _options(FAULTS[wanted.fault], wanted.options)
     try:
         FaultEntry.model_validate({"unit": wanted.unit, "kind": wanted.fault, "from_s": 0.0, "for_s": wanted.for_s, **options})
@@ -108,8 +108,11 @@ def _value(option: str, field: FieldInfo, text: str) -> Any:
         raise ConfigError("inject", option, f"must be {what}, not {text!r}") from None
 
 
-def run_list(as_json: bool) -> int:
-    """Show the table of faults."""
+def run_list(wanted: Wanted, as_json: bool) -> int:
+    """Show the table of faults. Raises ConfigError for a unit or a fault beside it: the table is that of all."""
+    if wanted.unit or wanted.fault or wanted.clear:
+        beside = "--clear" if wanted.clear else wanted.unit or wanted.fault
+        raise ConfigError("inject", "--list", f"shows the faults of all units; leave out {beside}")
     if as_json:
         print(json.dumps([_row(row) for row in FAULTS.values()]))
         return 0

@@ -41,4 +41,4 @@ def inject(
     from .inject import Wanted, run_inject, run_list
 
     wanted = Wanted(unit, fault, context.args, for_s, clear, train)
-    raise typer.Exit(run_list(as_json) if show else run_inject(wanted, zenoh_config or connect, as_json))
+    raise typer.Exit(run_list(wanted, as_json) if show else run_inject(wanted, zenoh_config or connect, as_json))

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import signal
 import sys
-from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -18,6 +18,7 @@ from .helper_commands import display, observe, sentinel
 from .inject_command import FREE_OPTIONS, inject
 from .options import ConnectOption, JsonOption, StateDirOption, TrainOption, ZenohConfigOption, complete_scenario, show_versions
 from .pki_command import acl, pki
+from .usage import UsageError, usage_line
 
 DEFAULT_TRAIN = Path("full")
 
@@ -30,11 +31,13 @@ app = typer.Typer(
 
 @app.callback()
 def milepost(
-    version: Annotated[
+    version: Annotated[  # noqa: ARG001
         bool, typer.Option("--version", callback=show_versions, is_eager=True, help="Show the versions and exit.")
     ] = False,
 ) -> None:
     """Tells a train where it is and how fast it is going, with bounds on both errors."""
+    # the command line has been read, and from here on KeyboardInterrupt is caught
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @app.command()
@@ -202,6 +205,14 @@ def rerun(
 
 
 @app.command()
+def events(as_json: JsonOption = False) -> None:
+    """Show every event that processes send: its code, how bad it is, and what it means."""
+    from .events import run_events
+
+    run_events(as_json)
+
+
+@app.command()
 def schema(
     out: Annotated[Path, typer.Option("--out", help="Folder to write to.")] = Path("schemas/json"),
     check: Annotated[bool, typer.Option("--check", help="Write nothing; exit code 1 if a file differs.")] = False,
@@ -217,5 +228,17 @@ for helper in (display, observe, sentinel):
 
 
 def main() -> None:
-    """Read the command line and do what it says. A configuration error is one line and exit code 2."""
-    sys.exit(exit_code(partial(app, prog_name="milepost")))
+    """Read the command line and do what it says. A mistake on it or in a configuration is one line and exit code 2."""
+    sys.exit(exit_code(_run))
+
+
+def _run() -> None:
+    try:
+        code = app(prog_name="milepost", standalone_mode=False)
+    except UsageError as error:
+        if type(error).__name__ == "NoArgsIsHelpError":  # `milepost` alone
+            error.show()
+        else:
+            print(f"milepost: {usage_line(error)}", file=sys.stderr)
+        sys.exit(error.exit_code)
+    sys.exit(code)

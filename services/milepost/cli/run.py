@@ -27,21 +27,23 @@ def run_role(
         end_with_parent(parent)
 
     if role == "router":
+        if config is not None and link:
+            raise ConfigError("run", "--link", f"not with --config: {config} says itself, in `connect`, with whom it links")
         from milepost.security.router import run_named_router
 
         run_named_router(listen, config, parent, link)
         return
-    from milepost.config.mistakes import must_be_one_of
+    from milepost.config.mistakes import one_of
     from milepost.config.roles import ROLES
     from milepost.config.train import load_train
     from milepost.runtime.process import ProcessOptions, run_process
 
     if role not in ROLES:
-        raise ConfigError("run", "ROLE", must_be_one_of(["router", *ROLES], role))
+        raise ConfigError("run", "ROLE", one_of(["router", *ROLES], role))
     train = load_train(train_file)
     units = ROLES[role].instances(train)
     if not ROLES[role].per_unit:
         unit = unit or role
     if unit not in units:
-        raise ConfigError("run", "UNIT", must_be_one_of(units, unit) if units else f"{train_file} has none with a {role}")
+        raise ConfigError("run", "UNIT", one_of(units, unit) if units else f"{train_file} has none with a {role}")
     run_process(train, role, unit, ProcessOptions(connection, speed, duration, parent, state_dir))

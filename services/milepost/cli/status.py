@@ -64,4 +64,5 @@ def _line(state: FusedState) -> str:
         + (f"; excluded: {wrong}" if wrong else "")
         + (f"; not heard: {unheard}" if unheard else "")
         + (f"; one of {', '.join(state.doubted)} is wrong" if state.doubted else "")
+        + (f"; sent before {', '.join(state.awaiting)} had come" if state.awaiting else "")
     )

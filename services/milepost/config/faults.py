@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
+from milepost.nodes.faulty import unknown_balise
 from milepost.sensors.base import World
 from milepost.simulation.faults import FaultEntry, Injection, Surroundings
 
@@ -22,6 +23,9 @@ def check_faults(train: Train, faults: Sequence[FaultEntry], path: Path, place: 
         misfit = fault.misfit(sensor.stream, sensor.kind, train.file.world is not None)
         if misfit is not None:
             raise ConfigError(path, f"{place}.{number}.kind", f"{fault.unit}: {misfit}")
+        unknown = unknown_balise(fault, train.line)
+        if unknown is not None:
+            raise ConfigError(path, f"{place}.{number}", f"{fault.unit}: {unknown}")
 
 
 def injection(train: Train, unit: str, world: World | None, start_ns: int, faults: Iterable[FaultEntry]) -> Injection:

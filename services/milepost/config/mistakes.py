@@ -21,6 +21,11 @@ def must_be_one_of(known: Iterable[str], value: object) -> str:
     return f"must be one of {', '.join(known)}, not {_abbreviated(value)}{nearest(value, known)}"
 
 
+def one_of(known: Iterable[str], word: str) -> str:
+    """For a word of the command line: `must be one of a, b, not 'x'`, or `required: one of a, b` where there is none."""
+    return must_be_one_of(known, word) if word else f"required: one of {', '.join(known)}"
+
+
 def first_mistake(errors: list[ErrorDetails], model: type) -> ErrorDetails:
     """The mistake to report: for a missing key, an unknown key beside it that resembles a known one, else the first mistake."""
     first = errors[0]

@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+import os
 from difflib import get_close_matches
 from pathlib import Path
 
 PACKAGE = Path(__file__).resolve().parents[1]
+
+
+def is_file(path: Path) -> bool:
+    """Whether there is such a file; `Path.is_file` raises OSError for a name that no file can have."""
+    return os.path.isfile(path)
 
 
 def shipped_folder() -> Path:
@@ -24,11 +30,11 @@ def find_file(given: Path, kind: str) -> Path:
 
     Raises ConfigError where a bare name is neither a file nor known.
     """
-    if given.is_file() or given.suffix or len(given.parts) != 1:
+    if is_file(given) or given.suffix or len(given.parts) != 1:
         return given
     for folder in _folders(kind):
         path = folder / f"{given}.yaml"
-        if path.is_file():
+        if is_file(path):
             return path
     # imported only here, because without it the command line starts faster
     from .yaml_files import ConfigError
@@ -45,10 +51,10 @@ def named_in_file(given: str, folder: Path, kind: str) -> Path:
     Raises ConfigError where neither is there, with the nearest name.
     """
     path = folder / given
-    if path.is_file():
+    if is_file(path):
         return path
     found = find_file(Path(given), kind)
-    if found.is_file() and found != Path(given):
+    if is_file(found) and found != Path(given):
         return found
     from .mistakes import nearest
     from .yaml_files import ConfigError

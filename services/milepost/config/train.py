@@ -20,6 +20,7 @@ from milepost_schemas import BY_NAME
 from .line_file import load_line
 from .mistakes import must_be_one_of
 from .motion_file import RecordedFile
+from .shipped_files import is_file
 from .train_file import BySpeedFile, TrainFile
 from .yaml_files import ConfigError, merged, read_yaml, validate, validate_dataclass
 
@@ -95,7 +96,7 @@ def load_train(path: Path, change: Mapping[str, Any] | None = None, seed: int | 
     if seed is not None and content.get("world") is not None:
         content = merged(content, {"world": {"seed": seed}})
     file = validate(path, content, TrainFile)
-    if not file.line.is_file():
+    if not is_file(file.line):
         raise ConfigError(path, "line", f"{file.line}: no such file")
     line = load_line(file.line)
     sensors: dict[str, Sensor[Any]] = {}
@@ -159,7 +160,7 @@ def _check_source(train: Train, unit: str, sensor: Sensor[Any]) -> None:
         except ValueError as error:
             raise ConfigError(train.path, f"{place}.recording", str(error)) from error
     file = getattr(origin, "file", None)
-    if file is not None and not file.is_file():
+    if file is not None and not is_file(file):
         raise ConfigError(train.path, f"{place}.{options.source}", f"{file}: no such file")
     if origin is not None and file is None and train.has_scenario_time:
         text = "a live receiver keeps real time and cannot be used with a `world` or a recording"

@@ -14,12 +14,36 @@ from pydantic.dataclasses import dataclass as pydantic_dataclass
 from .errors import ConfigError as ConfigError
 from .mistakes import first_mistake, text_of
 
+# a few lines of anchors can stand for millions of values
+MOST_VALUES = 1_000_000
+NO_TEXT = "a text with half of a surrogate pair"
 M = TypeVar("M", bound=BaseModel)
 D = TypeVar("D")
 
 
 class _Loader(yaml.SafeLoader):
-    """Reads YAML 1.2's floats (1e-6 is a number) and refuses duplicate keys."""
+    """Reads YAML 1.2's floats (1e-6 is a number), refuses duplicate keys, and anchors that contain themselves or too much."""
+
+    def construct_document(self, node: yaml.Node) -> Any:
+        self._count(node, {})
+        return super().construct_document(node)
+
+    def _count(self, node: yaml.Node, counts: dict[int, int]) -> int:
+        """How many values a node stands for, with all that its aliases repeat."""
+        if isinstance(node, yaml.ScalarNode):
+            return 1
+        known = counts.get(id(node))
+        if known is None:
+            counts[id(node)] = 0
+            pairs = isinstance(node, yaml.MappingNode)
+            inside = [each for pair in node.value for each in pair] if pairs else node.value
+            known = counts[id(node)] = 1 + sum(self._count(each, counts) for each in inside)
+        elif known == 0:
+            raise yaml.constructor.ConstructorError(None, None, "an anchor contains itself", node.start_mark)
+        if known > MOST_VALUES:
+            text = f"aliases make more than {MOST_VALUES} values of it"
+            raise yaml.constructor.ConstructorError(None, None, text, node.start_mark)
+        return known
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
         seen: set[object] = set()
@@ -52,7 +76,7 @@ def read_yaml(path: Path) -> dict[str, Any]:
         raise ConfigError(path, line, error.problem or "not YAML") from error
     except yaml.YAMLError as error:
         raise ConfigError(path, "", " ".join(str(error).split())) from error
-    except (ValueError, RecursionError) as error:  # an invalid date or number; too many nested brackets
+    except (ValueError, OverflowError, RecursionError) as error:  # an invalid date or number; too many nested brackets
         raise ConfigError(path, "", f"not YAML: {error}") from error
     if not isinstance(content, dict):
         raise ConfigError(path, "", "not a mapping")
@@ -67,6 +91,8 @@ def validate(path: Path, content: Mapping[str, Any], model: type[M], prefix: str
         first = first_mistake(error.errors(include_url=False), model)
         field = ".".join([*([prefix] if prefix else []), *_place(content, first["loc"], first["type"] == "missing")])
         raise ConfigError(path, field, text_of(first, model)) from error
+    except UnicodeEncodeError as error:
+        raise ConfigError(path, prefix, NO_TEXT) from error
 
 
 def validate_dataclass(path: Path, content: Mapping[str, Any], kind: type[D], field: str) -> D:
@@ -78,6 +104,8 @@ def validate_dataclass(path: Path, content: Mapping[str, Any], kind: type[D], fi
     except ValidationError as error:
         first = first_mistake(error.errors(include_url=False), kind)
         raise ConfigError(path, ".".join([field, *(str(part) for part in first["loc"])]), text_of(first, kind)) from error
+    except UnicodeEncodeError as error:
+        raise ConfigError(path, field, NO_TEXT) from error
 
 
 def _place(content: Any, loc: Sequence[int | str], missing: bool) -> list[str]:

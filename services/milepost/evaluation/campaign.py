@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -56,7 +57,7 @@ def find(folder: Path, only: Sequence[str]) -> tuple[list[Plan], list[Skipped]]:
         scenario = validate(path, read_yaml(path), ScenarioFile)
         if only and scenario.scenario not in only and path.stem not in only:
             continue
-        absent = next((needed for needed in scenario.needs if not needed.exists()), None)
+        absent = next((needed for needed in scenario.needs if not os.path.exists(needed)), None)
         if absent is not None:
             skipped.append(Skipped(scenario.scenario, f"{absent} does not exist"))
         else:

@@ -10,7 +10,7 @@ from typing import Any, TextIO
 
 from milepost.offline.memory_bus import Tap
 from milepost.offline.message_log import write_line
-from milepost.runtime.process_pool import run_in_processes
+from milepost.offline.process_pool import run_in_processes
 
 from .plan import make_plan
 from .scenario_run import ProgressCallback, Traces, run_plan

@@ -7,7 +7,9 @@ from collections.abc import Iterable
 
 from pydantic import ValidationError
 
+from milepost.recordings.options import nearest
 from milepost.simulation.faults import Fault, FaultEntry, Injection, Link, reason_of
+from milepost.track.line import Line
 from milepost_schemas import FaultCommand, Message
 
 from .base import Node, Output, Severity, Subscription
@@ -96,6 +98,9 @@ class FaultySensor(Wrapped):
             return "info", "fault_cleared", f"injected faults ended: {ended}"
         try:
             fault = fault_of(command, (now_ns - self._injection.start_ns) * 1e-9)
+            unknown = unknown_balise(fault, self._injection.around.line)
+            if unknown is not None:
+                raise ValueError(unknown)
             self._injection.begin(fault)
         except ValueError as error:
             return "warning", "fault_refused", reason_of(error)
@@ -119,3 +124,12 @@ def fault_of(command: FaultCommand, from_s: float) -> FaultEntry:
     numbers = {name: int(value) if value.is_integer() else value for name, value in command.numbers.items()}
     head = {"unit": command.unit, "kind": command.kind, "from_s": from_s, "for_s": command.for_s}
     return FaultEntry.model_validate({**numbers, **command.words, **command.flags, **head})
+
+
+def unknown_balise(fault: FaultEntry, line: Line) -> str | None:
+    """What is wrong with a fault of a balise that the line does not have; None: nothing."""
+    balise = getattr(fault.options(), "balise", None)
+    known = [each.balise_id for each in line.balises]
+    if balise is None or balise in known:
+        return None
+    return f"balise: {balise} is not among the {len(known)} of {line.name}{nearest(balise, known)}"

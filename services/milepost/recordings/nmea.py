@@ -15,15 +15,20 @@ LONGEST_SENTENCE = 256
 HALF_A_DAY_S = 43_200.0
 QUALITIES = {1: "single", 2: "differential", 3: "single", 4: "rtk_fixed", 5: "rtk_float", 6: "propagated"}
 MODES = {"A": "single", "D": "differential", "P": "single", "R": "rtk_fixed", "F": "rtk_float", "E": "propagated"}
-USED = ("GGA", "RMC", "GST")
+# the sentences that are read, and what each must have; later versions of the standard append to them
+USED = {
+    "GGA": ("lat", "lon", "quality", "numSV", "HDOP", "alt"),
+    "RMC": ("status", "lat", "lon", "spd", "cog", "date"),
+    "GST": ("stdLat", "stdLong"),
+}
 
 
 class NmeaDecoder:
     """A sentence runs from `$` to the line's end and counts only with its checksum.
 
     Skipped, by reason: `garbage` (bytes between sentences), `truncated` (no end, or no checksum), `checksum`,
-    `malformed` (a field that is none), `foreign` (a sentence that the standard does not have), `late`, `no_date` (no RMC
-    has come yet), `no_position`. Sentences of the standard that say nothing of the fix are passed over.
+    `malformed` (a field that is none, or is not there), `foreign` (a sentence that the standard does not have), `late`,
+    `no_date` (no RMC has come yet), `no_position`. Sentences of the standard that say nothing of the fix are passed over.
     """
 
     def __init__(self) -> None:
@@ -104,6 +109,9 @@ class NmeaDecoder:
         if not isinstance(at, time):
             # a receiver that has seen no satellite yet leaves the time empty
             self._skips.add("malformed" if line.split(b",")[1:2] != [b""] else "no_position")
+            return []
+        if not all(hasattr(message, name) for name in USED[kind]):
+            self._skips.add("malformed")
             return []
         return self._fixes(self._epochs.add(at, kind, message))
 

@@ -7,6 +7,8 @@ from collections.abc import Mapping
 from datetime import UTC, datetime
 from typing import Any
 
+import numpy as np
+
 from .epochs import Epochs, Fix, Skips
 
 SYNC = b"\xb5\x62"
@@ -41,44 +43,46 @@ class UbxDecoder:
 
     def feed(self, data: bytes) -> list[Fix]:
         """The fixes that these bytes complete."""
-        self._held += data
-        out: list[Fix] = []
-        while (frame := self._next_frame(waiting=True)) is not None:
-            out += self._take(frame)
-        return out
+        return self._read(data, waiting=True)
 
     def finish(self) -> list[Fix]:
         """The last fix; frames behind half a frame are found too."""
-        out: list[Fix] = []
-        while (frame := self._next_frame(waiting=False)) is not None:
-            out += self._take(frame)
-        return out + self._fixes(self._epochs.end())
+        return self._read(b"", waiting=False) + self._fixes(self._epochs.end())
 
-    def _next_frame(self, waiting: bool) -> bytes | None:
-        while self._held:
-            start = self._held.find(SYNC)
-            if start:
+    def _read(self, data: bytes, waiting: bool) -> list[Fix]:
+        """The fixes of all frames; `waiting`: the rest of the last one may still come."""
+        content = self._held + data
+        sums, at = _Sums(content), 0
+        out: list[Fix] = []
+        while at < len(content):
+            start = content.find(SYNC, at)
+            if start != at:
                 # the last byte may be the first half of the next sync
-                keep = 1 if start < 0 and self._held.endswith(SYNC[:1]) else 0
-                rest = len(self._held) - keep if start < 0 else start
-                self._pass_over(rest)
-                self._held = self._held[rest:]
+                kept = len(content) - 1 if content.endswith(SYNC[:1]) else len(content)
+                self._pass_over((kept if start < 0 else start) - at)
+                at = kept if start < 0 else start
                 if start < 0:
-                    return None
+                    break
+            end = self._end(content, at)
+            if waiting and (end is None or end > len(content)):
+                break
+            if end is not None and end <= len(content) and sums.fit(content, at, end):
+                self._in_garbage = False
+                out += self._take(content[at:end])
+                at = end
                 continue
-            length = int.from_bytes(self._held[4:HEADER], "little")
-            end = HEADER + length + CHECKSUM
-            too_long = len(self._held) >= HEADER and length > LONGEST_PAYLOAD
-            if not too_long and len(self._held) < max(end, HEADER):
-                if waiting:
-                    return None
-            elif not too_long and _checksum(self._held[2 : end - CHECKSUM]) == self._held[end - CHECKSUM : end]:
-                frame, self._held, self._in_garbage = self._held[:end], self._held[end:], False
-                return frame
-            self._skips.add("checksum" if waiting or len(self._held) >= end else "truncated")
+            self._skips.add("truncated" if end is None or end > len(content) else "checksum")
             self._in_garbage = True  # what was inside the broken frame is counted with it
-            self._held = self._held[len(SYNC) :]
-        return None
+            at += len(SYNC)
+        self._held = content[at:]
+        return out
+
+    def _end(self, content: bytes, start: int) -> int | None:
+        """Where the frame at `start` ends as it says, if it says so already; 0 where it says more than a frame can hold."""
+        if len(content) < start + HEADER:
+            return None
+        length = int.from_bytes(content[start + 4 : start + HEADER], "little")
+        return start + HEADER + length + CHECKSUM if length <= LONGEST_PAYLOAD else 0
 
     def _pass_over(self, count: int) -> None:
         if count and not self._in_garbage:
@@ -129,13 +133,25 @@ class UbxDecoder:
         return Fix(whole + pvt.nano * 1e-9, fields)
 
 
-def _checksum(content: bytes) -> bytes:
-    """Fletcher's, over class, identity, length and payload."""
-    a = b = 0
-    for byte in content:
-        a = (a + byte) & 0xFF
-        b = (b + a) & 0xFF
-    return bytes((a, b))
+class _Sums:
+    """Fletcher's checksum of any piece of the content, from sums that are made once: broken frames inside each other are many.
+
+    Of bytes c_k from i to j it is a = Σ c_k and b = Σ (j - k) c_k, both modulo 256.
+    """
+
+    def __init__(self, content: bytes) -> None:
+        values = np.frombuffer(content, np.uint8).astype(np.int64)
+        self._sums = np.concatenate([[0], np.cumsum(values)]).tolist()
+        self._weighted = np.concatenate([[0], np.cumsum(values * np.arange(len(values)))]).tolist()
+
+    def fit(self, content: bytes, start: int, end: int) -> bool:
+        """Whether a frame has the checksum of its class, identity, length and payload."""
+        i, j = start + len(SYNC), end - CHECKSUM
+        if j < i:
+            return False
+        a = self._sums[j] - self._sums[i]
+        b = j * a - (self._weighted[j] - self._weighted[i])
+        return content[j:end] == bytes((a & 0xFF, b & 0xFF))
 
 
 def _solution(pvt: Any) -> str:

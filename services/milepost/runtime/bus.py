@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import logging
 import queue
@@ -10,13 +11,14 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 import zenoh
 import zenoh.ext
 
-from milepost_schemas import BY_NAME, Message, Refused, Stream, alive_key, decode, encode, rpc_key
+from milepost_schemas import BY_NAME, Message, Part, Refused, Stream, alive_key, decode, encode, from_fields, rpc_key, unpack
 
+from .flood import Gate, Waiting
 from .instances import Token, token_of
 
 PRIORITIES = {
@@ -27,6 +29,7 @@ PRIORITIES = {
     "background": zenoh.Priority.BACKGROUND,
 }
 log = logging.getLogger("milepost")
+P = TypeVar("P", bound=Part)
 HEARTBEAT_S = 0.5
 # a process that waits for a router says so after this time
 SAY_WAITING_AFTER_S = 3.0
@@ -45,6 +48,7 @@ class Received:
     stream: Stream
     sample: Any
     at_utc_ns: int
+    key: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,6 +120,7 @@ class ZenohBus:
         self.session = session
         self.train = train
         self.inbox: Inbox = queue.SimpleQueue()
+        self.waiting = Waiting()
         self._publishers: dict[tuple[str, str], Any] = {}
         self._newest: list[tuple[Stream, Any]] = []
         self._kept: list[Any] = []
@@ -123,10 +128,12 @@ class ZenohBus:
     def subscribe(self, stream_name: str, unit: str = "*") -> None:
         """Receive a stream. Where its publishers remember, what an interruption lost is asked for again."""
         stream = BY_NAME[stream_name]
-        put, now = self.inbox.put, time.time_ns
+        put, now, enters = self.inbox.put, time.time_ns, self.waiting.enters
 
         def receive(sample: Any) -> None:
-            put(Received(stream, sample, now()))
+            key = str(sample.key_expr)
+            if enters(key):
+                put(Received(stream, sample, now(), key))
 
         key = stream.key_for(self.train, unit)
         if stream.cached and stream.paced_by == "event":
@@ -146,7 +153,7 @@ class ZenohBus:
         for stream, ring in self._newest:
             sample = ring.try_recv()
             if sample is not None:
-                yield Received(stream, sample, time.time_ns())
+                yield Received(stream, sample, time.time_ns(), str(sample.key_expr))
 
     def watch_tokens(self) -> Any:
         """Receive the coming and going of every process of the train, beginning with those that are there.
@@ -199,29 +206,35 @@ class ZenohBus:
             **quality,
         )
 
-    def ask(self, procedure: str, schema: type[Message], timeout_s: float) -> list[Message]:
-        """All answers of other processes to a procedure call; unreadable ones are left out."""
-        answers: list[Message] = []
-        elsewhere = zenoh.Locality.REMOTE
-        for reply in self.session.get(rpc_key(self.train, procedure), timeout=timeout_s, allowed_destination=elsewhere):
-            try:
-                if reply.ok is not None:
-                    answers.append(decode(reply.ok.payload.to_bytes(), schema))
-            except Refused:
+    def ask(self, key: str, schema: type[P], timeout_s: float) -> list[tuple[str, P]]:
+        """All answers of other processes to a query, each with the last word of its key; unreadable ones are left out."""
+        answers: list[tuple[str, P]] = []
+        # of several answers on one key Zenoh would keep one: a stranger's as well as the process's own
+        every = {"consolidation": zenoh.ConsolidationMode.NONE, "allowed_destination": zenoh.Locality.REMOTE}
+        for reply in self.session.get(key, timeout=timeout_s, **every):
+            if reply.ok is None:
                 continue
+            with contextlib.suppress(Refused):
+                answers.append((str(reply.ok.key_expr).rpartition("/")[2], decode(reply.ok.payload.to_bytes(), schema)))
         return answers
 
 
-def open_message(received: Received, train: str) -> Message:
-    """The message in a sample. Raises Refused for a wildcard key, a foreign schema, or a head that contradicts the key."""
-    stream, sample = received.stream, received.sample
-    key = str(sample.key_expr)
+def open_message(received: Received, train: str, gate: Gate, now_ns: int) -> Message:
+    """The message in a sample. Raises Refused for a wildcard key, a foreign schema, or a head that contradicts the key.
+
+    `gate` refuses first, and at little cost, what comes too often.
+    """
+    stream, sample, key = received.stream, received.sample, received.key
     if "*" in key:
         raise Refused("wildcard_key", f"put on {key}")
     encoding = str(sample.encoding)
     if encoding.startswith("application/msgpack;") and encoding != stream.message.encoding():
         raise Refused("other_schema", f"{key}: {encoding}, expected {stream.message.encoding()}")
-    message: Message = decode(sample.payload.to_bytes(), stream.message)
+    payload = sample.payload.to_bytes()
+    gate.refuse_repeated(key, payload)
+    fields = unpack(payload)
+    gate.pass_through(stream.name, key, payload, fields, now_ns)
+    message: Message = from_fields(fields, stream.message)
     if message.train != train:
         raise Refused("other_train", f"{key}: says train {message.train}")
     if stream.key.endswith("{unit}") and not key.endswith(f"/{message.unit}"):

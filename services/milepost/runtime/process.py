@@ -8,7 +8,7 @@ import queue
 import signal
 import sys
 import uuid
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from contextlib import AbstractContextManager, ExitStack, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,11 +18,12 @@ from milepost.config.rates import expected_hz
 from milepost.config.roles import ROLES, Setting, process_name, processes
 from milepost.config.train import Train
 from milepost.estimation.time_units import NS_PER_S
+from milepost.nodes.agreement import most_agreed
 from milepost.nodes.base import Node, Output, Severity
 from milepost.nodes.world import WorldNode
 from milepost.offline.collector import rare_collection
 from milepost.sensors.base import World
-from milepost_schemas import Feedback, SimulationStart
+from milepost_schemas import Feedback, SimulationStart, rpc_key
 
 from . import scenario_time, zenoh_config
 from .bus import Inbox, Stop, ZenohBus, open_session
@@ -112,7 +113,7 @@ def _run(runner: Runner, bus: ZenohBus, node: Node, clock: Clock, train: Train, 
     """Begin with what is known, run to the end, keep what was learned."""
     # without feedback nobody could tell a restarted filter that the fused state holds already what it kept
     store = calibration_store_for(node, train.name, state_dir if train.file.fusion.feedback else None)
-    if not (node.remembers and _catch_up(bus, node, clock)) and store is not None:
+    if not (node.remembers and _catch_up(bus, node, clock, _names(train))) and store is not None:
         for output in store.restore(clock.now_ns()):
             bus.publish(*output)
     with rare_collection():
@@ -129,7 +130,7 @@ def _scenario_start(
     None if stopped meanwhile. A `world` that was restarted asks the others, who remember it.
     """
     if not isinstance(node, WorldNode):
-        told = scenario_time.wait_for_start(bus)
+        told = scenario_time.wait_for_start(bus, _names(train))
         if told is not None:
             announced.callback(scenario_time.remember(bus, name, told).undeclare)
         return told
@@ -137,7 +138,7 @@ def _scenario_start(
     def tell(severity: Severity, code: str, text: str) -> None:
         _publish_event(bus, node.event(severity, code, text, Clock().now_ns()))
 
-    start = scenario_time.remembered(bus)
+    start = scenario_time.remembered(bus, _names(train))
     if start is None:
         others = {process.name for process in processes(train) if process.role != "world"}
         if not scenario_time.wait_for_processes(bus, others, tell):
@@ -145,6 +146,11 @@ def _scenario_start(
         start = scenario_time.choose_start(node.end_s, speed)
     announced.callback(scenario_time.announce(bus, start).undeclare)
     return start
+
+
+def _names(train: Train) -> set[str]:
+    """The names of all processes of a train."""
+    return {process.name for process in processes(train, live=True)}
 
 
 def _declare_alive(bus: ZenohBus, node: Node, name: str) -> None:
@@ -177,12 +183,11 @@ def _listen(bus: ZenohBus, node: Node, name: str) -> None:
         bus.serve("latest_feedback", name)
 
 
-def _catch_up(bus: ZenohBus, node: Node, clock: Clock) -> bool:
-    """A restarted fuser or filter begins with the newest fused state that another process remembers; False if none does."""
-    answers = [a for a in bus.ask("latest_feedback", Feedback, ASK_S) if isinstance(a, Feedback)]
-    if not answers:
+def _catch_up(bus: ZenohBus, node: Node, clock: Clock, known: Collection[str]) -> bool:
+    """A restarted fuser or filter begins with the fused state that most others remember; False if none does."""
+    latest = most_agreed(bus.ask(rpc_key(bus.train, "latest_feedback"), Feedback, ASK_S), known)
+    if latest is None:
         return False
-    latest = max(answers, key=lambda a: a.measured_at_ns)
     now_ns = clock.now_ns()
     if node.catch_up(latest, now_ns):
         log.info("continuing from the state of %.2f s ago", (now_ns - latest.measured_at_ns) / NS_PER_S)

@@ -14,6 +14,7 @@ from milepost_schemas import Health, Refused, encode, rpc_key
 
 from .bus import AliveChange, Question, Received, Stop, ZenohBus, open_message
 from .clock import Clock
+from .flood import MOST_WAITING, Gate
 from .instances import Change, Instances
 from .meter import Meter
 
@@ -51,6 +52,7 @@ class Runner:
         self._end_ns = end_ns
         self._parent = parent
         self._meter = Meter(clock.now_ns(), expected_hz or {})
+        self._gate = Gate(expected_hz or {})
         self._health_ns = clock.now_ns() + HEALTH_NS
         self._health_sequence = 0
         self._instances = Instances()
@@ -87,6 +89,7 @@ class Runner:
 
     def _take(self, item: Received | AliveChange | Question, now_ns: int) -> None:
         if isinstance(item, Received):
+            self._bus.waiting.leaves(item.key)
             self._read_newest(now_ns)
             self._step(item, now_ns)
         elif isinstance(item, AliveChange):
@@ -102,7 +105,7 @@ class Runner:
 
     def _step(self, received: Received, now_ns: int) -> None:
         try:
-            message = open_message(received, self._bus.train)
+            message = open_message(received, self._bus.train, self._gate, now_ns)
         except Refused as refused:
             self._send(self._node.refuse(refused.reason, refused.detail, now_ns))
             return
@@ -129,6 +132,10 @@ class Runner:
     def _once_a_second(self, now_ns: int) -> None:
         """Health, and processes that have a second instance."""
         self._health_ns = now_ns + HEALTH_NS
+        if self._bus.waiting.dropped:
+            text = f"more than {MOST_WAITING} messages of a key were waiting; the others were dropped unread"
+            self._send(self._node.refuse("overflow", text, now_ns))
+            self._node.refusals.counts["overflow"] = self._bus.waiting.dropped
         body = self._meter.report(now_ns, dict(self._node.refusals.counts), self._node.rewinds)
         health = Health(
             train=self._bus.train,

@@ -5,13 +5,12 @@ from __future__ import annotations
 import logging
 import queue
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from typing import Any
 
-import msgpack
-
+from milepost.nodes.agreement import most_told
 from milepost.nodes.base import Severity
-from milepost_schemas import SimulationStart, rpc_key, simulation_start_key
+from milepost_schemas import SimulationStart, encode, rpc_key, simulation_start_key
 
 from .bus import AliveChange, Stop, ZenohBus
 from .instances import Instances
@@ -23,7 +22,7 @@ GRID_NS = 100_000_000
 ASK_EVERY_S = 0.1
 SAY_WAITING_EVERY_S = 5.0
 WAIT_FOR_OTHERS_S = 30.0
-ASK_OTHERS_S = 0.5
+ASK_OTHERS_S, ASK_WORLD_S = 0.5, 1.0
 REMEMBERED = "simulation_start"
 
 
@@ -83,16 +82,16 @@ def remember(bus: ZenohBus, name: str, start: SimulationStart) -> Any:
     return _answer(bus, rpc_key(bus.train, REMEMBERED, name), start)
 
 
-def remembered(bus: ZenohBus) -> SimulationStart | None:
-    """When scenario time began, if other processes remember it: `world` was restarted, and the train runs on."""
-    for reply in bus.session.get(rpc_key(bus.train, REMEMBERED), timeout=ASK_OTHERS_S):
-        if reply.ok is not None:
-            return SimulationStart.model_validate(msgpack.unpackb(reply.ok.payload.to_bytes()))
-    return None
+def remembered(bus: ZenohBus, known: Collection[str]) -> SimulationStart | None:
+    """When scenario time began, if other processes remember it: `world` was restarted, and the train runs on.
+
+    `known` are the names of the train's processes: what most of them say counts, whatever a stranger says.
+    """
+    return most_told(bus.ask(rpc_key(bus.train, REMEMBERED), SimulationStart, ASK_OTHERS_S), known)
 
 
 def _answer(bus: ZenohBus, key: str, start: SimulationStart) -> Any:
-    payload = msgpack.packb(start.__dict__)
+    payload = encode(start)
 
     def answer(query: Any) -> None:
         with query:
@@ -101,22 +100,25 @@ def _answer(bus: ZenohBus, key: str, start: SimulationStart) -> Any:
     return bus.session.declare_queryable(key, answer)
 
 
-def wait_for_start(bus: ZenohBus) -> SimulationStart | None:
-    """Ask until `world` answers. Returns None when stopped meanwhile; what else came stays in the inbox."""
+def wait_for_start(bus: ZenohBus, known: Collection[str]) -> SimulationStart | None:
+    """Ask until `world` answers. Returns None when stopped meanwhile; what else came stays in the inbox.
+
+    Where several answers differ, that counts which most of the processes `known` remember.
+    """
     kept: list[Any] = []
     try:
-        return _ask_until_answered(bus, kept)
+        return _ask_until_answered(bus, known, kept)
     finally:
         for item in kept:
             bus.inbox.put(item)
 
 
-def _ask_until_answered(bus: ZenohBus, kept: list[Any]) -> SimulationStart | None:
+def _ask_until_answered(bus: ZenohBus, known: Collection[str], kept: list[Any]) -> SimulationStart | None:
     begun = said = time.monotonic()
     while True:
-        for reply in bus.session.get(simulation_start_key(bus.train), timeout=1.0):
-            if reply.ok is not None:
-                return SimulationStart.model_validate(msgpack.unpackb(reply.ok.payload.to_bytes()))
+        start = _believed(bus, known)
+        if start is not None:
+            return start
         if time.monotonic() - said > SAY_WAITING_EVERY_S:
             said = time.monotonic()
             log.warning("waiting for `world` to say when scenario time began (%.0f s)", said - begun)
@@ -127,3 +129,15 @@ def _ask_until_answered(bus: ZenohBus, kept: list[Any]) -> SimulationStart | Non
             kept.append(item)
         except queue.Empty:
             continue
+
+
+def _believed(bus: ZenohBus, known: Collection[str]) -> SimulationStart | None:
+    """What `world` answers; where a stranger answers too, what those remember that started before."""
+    told = [("world", start) for _, start in bus.ask(simulation_start_key(bus.train), SimulationStart, ASK_WORLD_S)]
+    if not told:
+        return None
+    others = bus.ask(rpc_key(bus.train, REMEMBERED), SimulationStart, ASK_OTHERS_S)
+    if len({start for _, start in told}) > 1 and not any(name in known for name, _ in others):
+        log.error("several processes say, each differently, when scenario time began: end all but one `world`")
+        return None
+    return most_told([*told, *others], known)

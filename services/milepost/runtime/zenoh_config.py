@@ -73,8 +73,12 @@ def _with_file(connection: Connection, waits: dict[str, Any]) -> dict[str, Any]:
 
 
 def router(listen: list[str], link: Sequence[str] = ()) -> dict[str, Any]:
-    """A site's router, linked with others: clients of one hear those of the others. It does not wait for them."""
-    config = {"mode": "router", "listen": {"endpoints": listen}, **_base()}
+    """A site's router, linked with others: clients of one hear those of the others. It does not wait for them.
+
+    It drops what is larger than its stream allows. It limits no rates: Zenoh can only thin out to a least time between two
+    messages of a connection, which loses what comes at once after a stall. Subscribers limit them: see `flood`.
+    """
+    config = {"mode": "router", "listen": {"endpoints": listen}, "low_pass_filter": _size_limits(), **_base()}
     if link:
         config["connect"] = {"endpoints": list(link), "timeout_ms": -1, "exit_on_failure": False, "retry": dict(RETRY)}
     return config
@@ -84,3 +88,15 @@ def listening_certificate(config: dict[str, Any]) -> Path | None:
     """The certificate that a router shows; None where it listens without."""
     named = config["transport"]["link"].get("tls", {}).get("listen_certificate")
     return Path(named) if named else None
+
+
+def _size_limits() -> list[dict[str, Any]]:
+    """One filter for each size in the stream table."""
+    # the messages take a while to import, and the command line needs this module at once
+    from milepost_schemas import STREAMS
+
+    keys: dict[int, dict[str, None]] = {}
+    for row in STREAMS:
+        keys.setdefault(row.largest_bytes, {})[row.key_for("*")] = None
+    each = {"messages": ["put"], "flows": ["ingress"]}
+    return [{"id": f"at-most-{size}-bytes", **each, "size_limit": size, "key_exprs": list(keys[size])} for size in sorted(keys)]

@@ -14,7 +14,7 @@ def geojson_points(geojson: Path) -> list[tuple[float, float]]:
     """
     try:
         content: Any = json.loads(geojson.read_text(encoding="utf-8"))
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise ValueError(f"{geojson}: not JSON: {error}") from error
     try:
         geometry = content.get("geometry", content)

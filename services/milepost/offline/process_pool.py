@@ -11,7 +11,7 @@ from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wai
 from contextlib import contextmanager
 from multiprocessing import resource_tracker
 from multiprocessing.managers import SyncManager
-from typing import TypeVar
+from typing import Any, TypeVar
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -58,29 +58,30 @@ def _here(work: Work[T, R], tasks: Sequence[T], progress: Progress, finished: Fi
 
 def _elsewhere(work: Work[T, R], tasks: Sequence[T], jobs: int, progress: Progress, finished: Finished[R] | None) -> list[R]:
     spawn = multiprocessing.get_context("spawn")
-    with _interrupt_held_back():
-        manager = SyncManager(ctx=spawn)
-        manager.start(_end_with_parent)
-    with manager, ProcessPoolExecutor(jobs, mp_context=spawn, initializer=_end_with_parent) as pool:
-        done, stop = manager.list([0.0] * len(tasks)), manager.Event()
-        try:
-            # an interrupt that was held back comes at the end of this block: the tasks must be cancelled then too
-            with _interrupt_held_back():
-                futures = [pool.submit(_work, work, place, task, done, stop) for place, task in enumerate(tasks)]
-            # the whole list at once: each entry by itself would be a message
-            _watch(futures, lambda: progress(sum(done[:])), finished)
-        except BaseException:
-            # a worker checks this whenever it tells its progress
-            stop.set()
-            pool.shutdown(wait=True, cancel_futures=True)
-            raise
-        return [future.result() for future in futures]
+    with _Interrupt() as interrupt:
+        with _deaf_children():
+            manager = SyncManager(ctx=spawn)
+            manager.start(_end_with_parent)
+        with manager, ProcessPoolExecutor(jobs, mp_context=spawn, initializer=_end_with_parent) as pool:
+            done, stop = manager.list([0.0] * len(tasks)), manager.Event()
+            try:
+                with _deaf_children():
+                    futures = [pool.submit(_work, work, place, task, done, stop) for place, task in enumerate(tasks)]
+                # the whole list at once: each entry by itself would be a message
+                _watch(futures, lambda: progress(sum(done[:])), finished, interrupt)
+            except BaseException:
+                # a worker checks this whenever it tells its progress
+                stop.set()
+                pool.shutdown(wait=True, cancel_futures=True)
+                raise
+            return [future.result() for future in futures]
 
 
-def _watch(futures: Sequence[Future[R]], look: Callable[[], None], finished: Finished[R] | None) -> None:
+def _watch(futures: Sequence[Future[R]], look: Callable[[], None], finished: Finished[R] | None, interrupt: _Interrupt) -> None:
     places = {future: place for place, future in enumerate(futures)}
     left = set(futures)
     while left:
+        interrupt.raise_if_asked()
         ready, left = wait(left, LOOK_EVERY_S, FIRST_COMPLETED)
         for future in sorted(ready, key=places.__getitem__):
             result = future.result()
@@ -89,9 +90,42 @@ def _watch(futures: Sequence[Future[R]], look: Callable[[], None], finished: Fin
         look()
 
 
+class _Interrupt:
+    """Inside this context Ctrl-C is noted, and becomes KeyboardInterrupt only where it is asked for.
+
+    Anywhere else it could leave a lock of the pool taken for ever.
+    """
+
+    def __init__(self) -> None:
+        self._asked = False
+        self._before: Any = None
+        self._main = threading.current_thread() is threading.main_thread()
+
+    def __enter__(self) -> _Interrupt:
+        """Install the handler."""
+        if self._main:
+            self._before = signal.signal(signal.SIGINT, self._note)
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        """Restore the handler before."""
+        if self._main:
+            signal.signal(signal.SIGINT, self._before)
+        if kind is None:
+            self.raise_if_asked()
+
+    def _note(self, *_: object) -> None:
+        self._asked = True
+
+    def raise_if_asked(self) -> None:
+        """Raise KeyboardInterrupt if Ctrl-C came."""
+        if self._asked:
+            raise KeyboardInterrupt
+
+
 @contextmanager
-def _interrupt_held_back() -> Iterator[None]:
-    """Processes started inside never receive Ctrl-C: the main process receives it and stops them."""
+def _deaf_children() -> Iterator[None]:
+    """Processes started inside never receive Ctrl-C, from their first instruction on: the main process receives it."""
     # the tracker resets the signal mask when it starts, so it must run before the mask is set
     resource_tracker.ensure_running()
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
