@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 import zenoh
 
+from milepost.config.errors import ConfigError
 from milepost.config.roles import ROLES, processes
 from milepost.config.train import Train, load_train
 from milepost.security.access import ROUTERS, TOOLS, accesses, names
@@ -116,8 +117,8 @@ def test_every_shipped_train_has_one(path: Path) -> None:
     try:
         train = load_train(path)
         control = access_control(train)
-    except Exception as error:
-        if "no such file" in str(error):
+    except ConfigError as error:
+        if "no such file" in str(error).lower():
             pytest.skip("its recording is not here")
         raise
     assert len(control["subjects"]) == len(processes(train, live=True)) + len(TOOLS) + 1

@@ -89,10 +89,12 @@ def _procedures(train: Train, process: Process, node: Node) -> tuple[list[str], 
         asks.append(rpc_key(train.name, LATEST))
     if train.has_scenario_time and process.role == "world":
         answers.append(simulation_start_key(train.name))
-        asks.append(rpc_key(train.name, BEGAN))
     elif train.has_scenario_time:
         answers.append(rpc_key(train.name, BEGAN, process.name))
         asks.append(simulation_start_key(train.name))
+    if train.has_scenario_time:
+        # what others remember: `world` after a restart, and whoever doubts what it is told
+        asks.append(rpc_key(train.name, BEGAN))
     return answers, asks
 
 
