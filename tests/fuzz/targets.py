@@ -34,7 +34,7 @@ from milepost.recordings.nmea import NmeaDecoder
 from milepost.recordings.ubx import UbxDecoder
 from milepost.sensors.odometer.calibration import Calibration, from_bytes, to_bytes
 from milepost.track.geojson import geojson_points
-from milepost_schemas import STREAMS, Message, Refused, SpeedReading, decode, encode
+from milepost_schemas import STREAMS, Part, Refused, SimulationStart, SpeedReading, decode, encode
 from receivers import NMEA_LOG, UBX_LOG
 
 Reasons = tuple[str, ...]
@@ -81,7 +81,7 @@ def kind_of(text: str) -> str:
     return PARTICULAR.sub("...", LISTS.split(text)[0])[:50].strip()
 
 
-def message(schema: type[Message], data: bytes) -> Reasons:
+def message(schema: type[Part], data: bytes) -> Reasons:
     try:
         decode(data, schema)
     except Refused as refused:
@@ -208,6 +208,7 @@ CAMPAIGN = {
     "runs": 2,
 }
 RESULT = {"key": "k", "train": "t", "seed": 1, "figures": {"violated": 0, "width_m": 1.5}}
+START = SimulationStart(start_ns=1_700_000_000_000_000_000, speed=1.0, end_ns=1_700_000_600_000_000_000)
 KEPT = Calibration("wheel", 0.85, 1.001, 0.0004, 1_700_000_000_000_000_000)
 
 TARGETS: dict[str, Target] = {
@@ -222,6 +223,7 @@ TARGETS: dict[str, Target] = {
             )
             for row in STREAMS
         ),
+        Target("simulation-start", partial(message, SimulationStart), (encode(START),), "msgpack", 0.5),
         Target("nmea", partial(receiver, NmeaDecoder), (NMEA_LOG,), "nmea", 2.0),
         Target("ubx", partial(receiver, UbxDecoder), (UBX_LOG,), "ubx", 2.0),
         Target("csv-readings", csv_source, (WHEEL,), "text"),
