@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 TRAIN ?= full
 UP ?=
 
-.PHONY: help up test test-fast lint bench compose-test pictures schema clean
+.PHONY: help up test test-fast lint bench chaos compose-test pictures schema clean
 
 help: ## show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## /{printf "  make %-14s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -42,6 +42,9 @@ lint: $(VENV)/.ready ## run ruff and mypy --strict, compare the exported schemas
 
 bench: $(VENV)/.bench ## measure step costs, codec, offline speed, live latency and load, beside peers
 	$(BIN)/python -m tests.bench
+
+chaos: $(VENV)/.ready ## break a running train in every way of the chaos matrix, and measure (TRAIN=name or file)
+	$(BIN)/milepost chaos --train $(TRAIN)
 
 compose-test: $(VENV)/.ready ## test compose.yaml and the Dask cluster with a container engine
 	$(BIN)/python -m pytest -m compose tests/compose

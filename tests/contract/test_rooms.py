@@ -15,6 +15,7 @@ SCHEMAS = ROOT / "schemas" / "milepost_schemas"
 # from the top of the house to the bottom
 FLOORS = (
     "cli",
+    "chaos",
     "campaign",
     "evaluation",
     "checks",

@@ -14,6 +14,7 @@ from milepost.runtime.launch import exit_code
 from milepost.runtime.zenoh_config import DEFAULT_ENDPOINT
 
 from .campaign_command import campaign
+from .chaos_command import chaos
 from .inject_command import FREE_OPTIONS, inject
 from .options import ConnectOption, JsonOption, StateDirOption, TrainOption, complete_scenario, show_versions
 
@@ -151,6 +152,7 @@ def evaluate(
 
 
 app.command()(campaign)
+app.command()(chaos)
 
 
 @app.command()

@@ -1,0 +1,264 @@
+"""A running train that can be broken: real routers, real processes, own ports, own state folder, a witness outside."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import psutil
+
+from milepost.config.shipped_files import find_file
+from milepost.config.train import load_train
+from milepost.runtime.chaos import send_command
+from milepost.runtime.instances import Token
+from milepost.runtime.launch import is_router, spawned
+from milepost.runtime.process import ProcessOptions
+from milepost.runtime.train_jobs import router_jobs, train_jobs
+from milepost_schemas import Event, FusedState
+
+from .figures import Figures, measure
+from .running import RunningTrain, free_port
+from .sentinel import sentinel
+from .witness import NotInTime, witnessing
+
+NORMAL_S = 40.0
+FRESH_S = 0.5
+# so many states after the recovery still belong to a measured stretch
+TAIL = 25
+
+
+class Stack:
+    """A train under test. It is entered like a file, and ends with all its processes.
+
+    Processes have the names of their tokens (`fuser`, `sensor-gnss`, `filter-loop`, `balise`, `world`); the routers are `router`
+    and `router-2`.
+    """
+
+    def __init__(self, train: str | Path = "full", routers: int = 2) -> None:
+        self._file = find_file(Path(train), "trains")
+        self._routers = routers
+        self._exit = ExitStack()
+        self._started: dict[str, int] = {}
+        # what must have gone, and until when a sensor lies, before the train can be said to have recovered
+        self._gone: set[int | Token] = set()
+        self._lying_until = 0.0
+
+    def __enter__(self) -> Stack:
+        with ExitStack() as entered:
+            self.folder = Path(entered.enter_context(tempfile.TemporaryDirectory(prefix="milepost-chaos-")))
+            self.state_dir = self.folder / "state"
+            more = [word for _ in range(self._routers - 1) for word in ("--listen", f"tcp/127.0.0.1:{free_port()}")]
+            self.sentinel = entered.enter_context(sentinel(self.folder))
+            self.train = RunningTrain(str(self._file), "--state-dir", str(self.state_dir), *more)
+            entered.callback(self._end)
+            self.endpoints = self.train.endpoints
+            loaded = load_train(self._file)
+            self.name = loaded.name
+            self._options = ProcessOptions(self.endpoints, parent=os.getpid(), state_dir=self.state_dir)
+            self._loaded = loaded
+            jobs = (*router_jobs(self.endpoints), *train_jobs(loaded, None, self._options))
+            self.jobs = {job.name: job for job in jobs}
+            self.witness = entered.enter_context(witnessing(self.endpoints))
+            self._exit = entered.pop_all()
+        return self
+
+    def __exit__(self, *failure: object) -> None:
+        self._exit.close()
+
+    def _end(self) -> None:
+        for pid in self._started.values():
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(pid, signal.SIGTERM)
+        self.train.stop()
+        for pid in self._started.values():
+            with contextlib.suppress(ChildProcessError):
+                os.waitpid(pid, 0)
+
+    @property
+    def processes(self) -> list[str]:
+        """The names of all processes, routers first."""
+        return list(self.jobs)
+
+    @property
+    def states(self) -> list[FusedState]:
+        """All states that the outside subscriber has received."""
+        return [state for _, state in self.witness.received]
+
+    @property
+    def events(self) -> list[Event]:
+        """All events that it has received."""
+        return self.witness.events
+
+    @property
+    def state(self) -> FusedState | None:
+        """The newest state."""
+        return self.witness.received[-1][1] if self.witness.received else None
+
+    @property
+    def leader(self) -> str:
+        """The process that spoke last on `state`."""
+        return self.states[-1].unit
+
+    @property
+    def standby(self) -> str:
+        """A fuser that does not lead."""
+        return next(name for name in self.jobs if name.startswith("fuser") and name != self.leader)
+
+    @property
+    def router(self) -> str:
+        """The router through which the outside subscriber hears."""
+        ports = {c.raddr.port for c in psutil.Process().net_connections("tcp") if c.raddr and c.status == "ESTABLISHED"}
+        for name, endpoint in zip((n for n in self.jobs if is_router(n)), self.endpoints, strict=True):
+            if int(endpoint.rpartition(":")[2]) in ports:
+                return name
+        raise NotInTime("no router is connected")
+
+    @property
+    def other_router(self) -> str:
+        """A router through which it does not hear."""
+        return next(name for name in self.jobs if is_router(name) and name != self.router)
+
+    @property
+    def tracebacks(self) -> list[str]:
+        """Lines of the processes' output that begin a traceback."""
+        return [line for line in self.train.errors if "Traceback" in line or "panicked" in line]
+
+    def pid(self, process: str) -> int:
+        """The process id of a process. Raises LookupError."""
+        return self._started[process] if process in self._started else self.train.pid_of(*self.jobs[process].words[1:])
+
+    def kill(self, process: str) -> None:
+        """SIGKILL; `up` starts it again."""
+        pid = self._strike(process)
+        os.kill(pid, signal.SIGKILL)
+        self._reap(process)
+
+    def terminate(self, process: str) -> None:
+        """SIGTERM, and wait for its end; it stays away until `start`."""
+        pid = self._strike(process)
+        os.kill(pid, signal.SIGTERM)
+        if process in self._started:
+            self._reap(process)
+        else:
+            self.wait_for(lambda: _ended(pid), 10.0, f"the end of {process}")
+
+    def back(self, process: str, timeout_s: float) -> None:
+        """Wait until a process that was killed or ended is there again. Raises NotInTime."""
+        self.wait_for(
+            lambda: any(token.unit == process for token in self.witness.alive - self._gone), timeout_s, f"{process} is back"
+        )
+
+    def stop(self, process: str, for_s: float) -> None:
+        """SIGSTOP, and SIGCONT after so long; returns then."""
+        pid = self.pid(process)
+        os.kill(pid, signal.SIGSTOP)
+        try:
+            time.sleep(for_s)
+        finally:
+            os.kill(pid, signal.SIGCONT)
+
+    def start(self, process: str, endpoints: list[str] | None = None) -> None:
+        """Start a process that was ended, or a second instance of one, at these endpoints."""
+        if endpoints is None:
+            job = self.jobs[process]
+        else:
+            options = replace(self._options, endpoints=endpoints)
+            job = next(job for job in train_jobs(self._loaded, None, options) if job.name == process)
+        log = (self.folder / f"{process}.log").open("ab")
+        with log:
+            self._started[process] = spawned(job, log.fileno())
+
+    def _strike(self, process: str) -> int:
+        """Note the instance that is about to end; returns its process id."""
+        pid = self.pid(process)
+        self._gone |= {pid, *(token for token in self.witness.alive if token.unit == process)}
+        return pid
+
+    def _reap(self, process: str) -> None:
+        if pid := self._started.pop(process, 0):
+            os.waitpid(pid, 0)
+
+    def inject(self, unit: str, fault: str, for_s: float | None = None, **options: float | str | bool) -> None:
+        """Make a sensor lie, as `milepost inject` does; returns with its answer. Raises AssertionError where it refuses."""
+        flags = {name: value for name, value in options.items() if isinstance(value, bool)}
+        words = {name: value for name, value in options.items() if isinstance(value, str)}
+        numbers = {name: float(value) for name, value in options.items() if name not in flags and name not in words}
+        fields: dict[str, Any] = {"kind": fault, "for_s": for_s, "numbers": numbers, "words": words, "flags": flags}
+        answer = send_command(self.endpoints, self.name, unit, fields)
+        assert answer.code == "fault_injected", answer.text
+        self._lying_until = max(self._lying_until, time.monotonic() + (for_s or 0.0))
+
+    def wait_for(self, what: Callable[[], Any], timeout_s: float, why: str = "what was waited for") -> Any:
+        """Wait until `what()` is true, looked at whenever something is heard; returns it. Raises NotInTime."""
+        return self.witness.wait_for(what, timeout_s, why)
+
+    def healthy(self) -> bool:
+        """All processes are there, the newest state is fresh and `normal`, and no unit is excluded."""
+        if not self.witness.received or time.monotonic() < self._lying_until or not self._gone.isdisjoint(self.witness.alive):
+            return False
+        at_ns, state = self.witness.received[-1]
+        there = {token.unit for token in self.witness.alive if token.train == self.name}
+        wanted = {name for name in self.jobs if not is_router(name)}
+        fresh = (time.time_ns() - at_ns) * 1e-9 < FRESH_S
+        return fresh and state.status == "normal" and not state.excluded and wanted <= there and self._routers_listen()
+
+    def _routers_listen(self) -> bool:
+        routers = [name for name in self.jobs if is_router(name)]
+        return all(self._listens(name, endpoint) for name, endpoint in zip(routers, self.endpoints, strict=True))
+
+    def _listens(self, router: str, endpoint: str) -> bool:
+        port = int(endpoint.rpartition(":")[2])
+        try:
+            pid = self.pid(router)
+            sockets = psutil.Process(pid).net_connections("tcp")
+        except (LookupError, psutil.Error):
+            return False
+        return pid not in self._gone and any(s.status == psutil.CONN_LISTEN and s.laddr.port == port for s in sockets)
+
+    def recovered(self, timeout_s: float = 30.0) -> None:
+        """Wait until all is well again. Raises NotInTime, with what is not."""
+        try:
+            self.wait_for(self.healthy, timeout_s, "the train recovered")
+        except NotInTime as late:
+            there = {token.unit for token in self.witness.alive}
+            absent = [name for name in self.jobs if not is_router(name) and name not in there]
+            said = f"{self.state.status}, excluded {[e.unit for e in self.state.excluded]}" if self.state else "no state"
+            raise NotInTime(f"{late} ({said}, absent {absent})") from late
+
+    @contextmanager
+    def measured(self) -> Iterator[Figures]:
+        """Figures of the states from here to the end of the block; what stands in them is valid after the block."""
+        figures = Figures()
+        begin = max(0, len(self.witness.received) - 1)
+        try:
+            yield figures
+        finally:
+            recovery_s, until_ns = figures.recovery_s, time.time_ns()
+            with self.witness.news:
+                received = self.witness.received[begin:]
+                truths = dict(self.witness.truths)
+            figures.__dict__.update(measure(received, truths, self.sentinel.stalls(), until_ns).__dict__)
+            figures.recovery_s = recovery_s
+
+    def recover(self, figures: Figures, timeout_s: float = 30.0) -> None:
+        """Wait for the recovery, note how long it took, and hear half a second more."""
+        begun = time.monotonic()
+        self.recovered(timeout_s)
+        figures.recovery_s = time.monotonic() - begun
+        heard = len(self.witness.received)
+        self.wait_for(lambda: len(self.witness.received) >= heard + TAIL, 10.0, f"{TAIL} states more")
+
+
+def _ended(pid: int) -> bool:
+    try:
+        return psutil.Process(pid).status() == psutil.STATUS_ZOMBIE
+    except psutil.NoSuchProcess:
+        return True
