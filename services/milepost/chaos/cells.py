@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 from milepost.runtime.launch import is_router
 
 from .stack import Stack
+from .threats import THREATS
 
 # between two states there are 20 ms; what an outsider of a busy machine receives has been seen up to 60 ms apart
 NO_GAP_S = 0.1
@@ -22,12 +24,13 @@ Find = Callable[[Stack], str]
 
 @dataclass(frozen=True)
 class Cell:
-    """A row: `blow` breaks the train; it must recover by itself within `recovery_s`."""
+    """A row: after `prepare` the train must be well; `blow` breaks it; it must recover by itself within `recovery_s`."""
 
     name: str
     blow: Blow
     gap_s: float
     recovery_s: float = RECOVERY_S
+    prepare: Blow | None = None
 
 
 @dataclass(frozen=True)
@@ -84,11 +87,15 @@ LIES: tuple[tuple[str, str, dict[str, float]], ...] = (
     ("drop_out", "imu", {}),
     ("clock_step", "odometer-front", {"by_s": -0.5}),
 )
-CRASH_LOOPS = (
-    LEADER,
-    Target("sensor-radar-front", lambda _: "sensor-radar-front"),
-    Target("filter-loop", lambda _: "filter-loop"),
+# the key under attack, below `milepost/v1/{train}/`, its sender, and what that hears
+STREAMS: tuple[tuple[str, str, tuple[str, ...]], ...] = (
+    ("reading/radar-front", "sensor-radar-front", ()),
+    ("reading/gnss", "sensor-gnss", ()),
+    ("reading/imu", "sensor-imu", ()),
+    ("estimate/odometer-rear", "filter-odometer-rear", ("reading/odometer-rear", "feedback")),
 )
+ATTACK_S = 2.0
+CRASHING = ("sensor-radar-front", "filter-loop")
 
 
 def cells(processes: list[str], units: list[str]) -> Iterator[Cell]:
@@ -105,6 +112,25 @@ def cells(processes: list[str], units: list[str]) -> Iterator[Cell]:
         if unit in units:
             for victim in (LEADER, ROUTER):
                 yield Cell(f"{unit} {fault}, {victim.name} killed", _lie(fault, unit, options, victim), victim.killed_s)
+    for key, sender, heard in STREAMS:
+        if sender in processes:
+            for threat in THREATS:
+                yield _attack(key, sender, heard, threat)
+
+
+def _attack(key: str, sender: str, heard: tuple[str, ...], threat: str) -> Cell:
+    def prepare(stack: Stack) -> None:
+        stack.behind(sender, [f"milepost/v1/{stack.name}/{each}" for each in heard])
+
+    def blow(stack: Stack) -> None:
+        relay = stack.behind(sender, ())
+        relay.attack(f"milepost/v1/{stack.name}/{key}", THREATS[threat]())
+        try:
+            time.sleep(ATTACK_S)
+        finally:
+            relay.relent()
+
+    return Cell(f"{key} {threat}", blow, NO_GAP_S, prepare=prepare)
 
 
 def _always(name: str) -> Find:

@@ -14,7 +14,10 @@ Stall = tuple[int, int]
 
 @dataclass
 class Figures:
-    """The figures of a stretch; `stall_s`: the part of the longest gap in which the machine itself stood still."""
+    """The figures of a stretch; `stall_s`: the part of the longest gap in which the machine itself stood still.
+
+    `refused`: messages that the train's processes refused meanwhile.
+    """
 
     states: int = 0
     gap_s: float = 0.0
@@ -24,6 +27,7 @@ class Figures:
     violations: int = 0
     missing: int = 0
     repeated: int = 0
+    refused: int = 0
     recovery_s: float | None = None
 
     @property

@@ -7,7 +7,7 @@ import os
 import signal
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -25,6 +25,7 @@ from milepost.runtime.train_jobs import router_jobs, train_jobs
 from milepost_schemas import Event, FusedState
 
 from .figures import Figures, measure
+from .relay import Relay
 from .running import RunningTrain, free_port
 from .sentinel import sentinel
 from .witness import NotInTime, witnessing
@@ -38,8 +39,8 @@ TAIL = 25
 class Stack:
     """A train under test. It is entered like a file, and ends with all its processes.
 
-    Processes have the names of their tokens (`fuser`, `sensor-gnss`, `filter-loop`, `balise`, `world`); the routers are `router`
-    and `router-2`.
+    Processes have the names of their tokens (`fuser`, `sensor-gnss`, `filter-loop`, `balise`, `world`); the routers are
+    `router` and `router-2`.
     """
 
     def __init__(self, train: str | Path = "full", routers: int = 2) -> None:
@@ -50,6 +51,7 @@ class Stack:
         # what must have gone, and until when a sensor lies, before the train can be said to have recovered
         self._gone: set[int | Token] = set()
         self._lying_until = 0.0
+        self._relays: dict[str, Relay] = {}
 
     def __enter__(self) -> Stack:
         with ExitStack() as entered:
@@ -136,10 +138,12 @@ class Stack:
         return self._started[process] if process in self._started else self.train.pid_of(*self.jobs[process].words[1:])
 
     def kill(self, process: str) -> None:
-        """SIGKILL; `up` starts it again."""
-        pid = self._strike(process)
+        """SIGKILL; `up` starts it again, and the stack what it started itself."""
+        pid, own = self._strike(process), process in self._started
         os.kill(pid, signal.SIGKILL)
-        self._reap(process)
+        if own:
+            self._reap(process)
+            self.start(process)
 
     def terminate(self, process: str) -> None:
         """SIGTERM, and wait for its end; it stays away until `start`."""
@@ -175,6 +179,20 @@ class Stack:
         log = (self.folder / f"{process}.log").open("ab")
         with log:
             self._started[process] = spawned(job, log.fileno())
+
+    def behind(self, process: str, heard: Sequence[str]) -> Relay:
+        """The relay between a process and the train; the first time, the process is replaced by one behind a relay."""
+        if process not in self._relays:
+            relay = self._exit.enter_context(Relay(self.endpoints, heard))
+            self.terminate(process)
+            self.start(process, [relay.endpoint])
+            self._relays[process] = relay
+        return self._relays[process]
+
+    def refused(self) -> int:
+        """How many messages all processes have refused, as their newest health says."""
+        with self.witness.news:
+            return sum(sum(health.refused.values()) for health in self.witness.health.values())
 
     def _strike(self, process: str) -> int:
         """Note the instance that is about to end; returns its process id."""
