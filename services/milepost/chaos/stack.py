@@ -7,7 +7,7 @@ import os
 import signal
 import tempfile
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -18,25 +18,23 @@ import psutil
 from milepost.config.shipped_files import find_file
 from milepost.config.train import load_train
 from milepost.runtime.chaos import send_command
-from milepost.runtime.instances import Token
-from milepost.runtime.launch import is_router, spawned
+from milepost.runtime.launch import spawned
 from milepost.runtime.process import ProcessOptions
 from milepost.runtime.train_jobs import router_jobs, train_jobs
-from milepost_schemas import Event, FusedState
 
 from .figures import Figures, measure
 from .relay import Relay
 from .running import RunningTrain, free_port
 from .sentinel import sentinel
-from .witness import NotInTime, witnessing
+from .view import View
+from .witness import witnessing
 
 NORMAL_S = 40.0
-FRESH_S = 0.5
 # so many states after the recovery still belong to a measured stretch
 TAIL = 25
 
 
-class Stack:
+class Stack(View):
     """A train under test. It is entered like a file, and ends with all its processes.
 
     Processes have the names of their tokens (`fuser`, `sensor-gnss`, `filter-loop`, `balise`, `world`); the routers are
@@ -44,13 +42,10 @@ class Stack:
     """
 
     def __init__(self, train: str | Path = "full", routers: int = 2) -> None:
+        super().__init__()
         self._file = find_file(Path(train), "trains")
         self._routers = routers
         self._exit = ExitStack()
-        self._started: dict[str, int] = {}
-        # what must have gone, and until when a sensor lies, before the train can be said to have recovered
-        self._gone: set[int | Token] = set()
-        self._lying_until = 0.0
         self._relays: dict[str, Relay] = {}
 
     def __enter__(self) -> Stack:
@@ -83,59 +78,6 @@ class Stack:
         for pid in self._started.values():
             with contextlib.suppress(ChildProcessError):
                 os.waitpid(pid, 0)
-
-    @property
-    def processes(self) -> list[str]:
-        """The names of all processes, routers first."""
-        return list(self.jobs)
-
-    @property
-    def states(self) -> list[FusedState]:
-        """All states that the outside subscriber has received."""
-        return [state for _, state in self.witness.received]
-
-    @property
-    def events(self) -> list[Event]:
-        """All events that it has received."""
-        return self.witness.events
-
-    @property
-    def state(self) -> FusedState | None:
-        """The newest state."""
-        return self.witness.received[-1][1] if self.witness.received else None
-
-    @property
-    def leader(self) -> str:
-        """The process that spoke last on `state`."""
-        return self.states[-1].unit
-
-    @property
-    def standby(self) -> str:
-        """A fuser that does not lead."""
-        return next(name for name in self.jobs if name.startswith("fuser") and name != self.leader)
-
-    @property
-    def router(self) -> str:
-        """The router through which the outside subscriber hears."""
-        ports = {c.raddr.port for c in psutil.Process().net_connections("tcp") if c.raddr and c.status == "ESTABLISHED"}
-        for name, endpoint in zip((n for n in self.jobs if is_router(n)), self.endpoints, strict=True):
-            if int(endpoint.rpartition(":")[2]) in ports:
-                return name
-        raise NotInTime("no router is connected")
-
-    @property
-    def other_router(self) -> str:
-        """A router through which it does not hear."""
-        return next(name for name in self.jobs if is_router(name) and name != self.router)
-
-    @property
-    def tracebacks(self) -> list[str]:
-        """Lines of the processes' output that begin a traceback."""
-        return [line for line in self.train.errors if "Traceback" in line or "panicked" in line]
-
-    def pid(self, process: str) -> int:
-        """The process id of a process. Raises LookupError."""
-        return self._started[process] if process in self._started else self.train.pid_of(*self.jobs[process].words[1:])
 
     def kill(self, process: str) -> None:
         """SIGKILL; `up` starts it again, and the stack what it started itself."""
@@ -189,11 +131,6 @@ class Stack:
             self._relays[process] = relay
         return self._relays[process]
 
-    def refused(self) -> int:
-        """How many messages all processes have refused, as their newest health says."""
-        with self.witness.news:
-            return sum(sum(health.refused.values()) for health in self.witness.health.values())
-
     def _strike(self, process: str) -> int:
         """Note the instance that is about to end; returns its process id."""
         pid = self.pid(process)
@@ -213,43 +150,6 @@ class Stack:
         answer = send_command(self.endpoints, self.name, unit, fields)
         assert answer.code == "fault_injected", answer.text
         self._lying_until = max(self._lying_until, time.monotonic() + (for_s or 0.0))
-
-    def wait_for(self, what: Callable[[], Any], timeout_s: float, why: str = "what was waited for") -> Any:
-        """Wait until `what()` is true, looked at whenever something is heard; returns it. Raises NotInTime."""
-        return self.witness.wait_for(what, timeout_s, why)
-
-    def healthy(self) -> bool:
-        """All processes are there, the newest state is fresh and `normal`, and no unit is excluded."""
-        if not self.witness.received or time.monotonic() < self._lying_until or not self._gone.isdisjoint(self.witness.alive):
-            return False
-        at_ns, state = self.witness.received[-1]
-        there = {token.unit for token in self.witness.alive if token.train == self.name}
-        wanted = {name for name in self.jobs if not is_router(name)}
-        fresh = (time.time_ns() - at_ns) * 1e-9 < FRESH_S
-        return fresh and state.status == "normal" and not state.excluded and wanted <= there and self._routers_listen()
-
-    def _routers_listen(self) -> bool:
-        routers = [name for name in self.jobs if is_router(name)]
-        return all(self._listens(name, endpoint) for name, endpoint in zip(routers, self.endpoints, strict=True))
-
-    def _listens(self, router: str, endpoint: str) -> bool:
-        port = int(endpoint.rpartition(":")[2])
-        try:
-            pid = self.pid(router)
-            sockets = psutil.Process(pid).net_connections("tcp")
-        except (LookupError, psutil.Error):
-            return False
-        return pid not in self._gone and any(s.status == psutil.CONN_LISTEN and s.laddr.port == port for s in sockets)
-
-    def recovered(self, timeout_s: float = 30.0) -> None:
-        """Wait until all is well again. Raises NotInTime, with what is not."""
-        try:
-            self.wait_for(self.healthy, timeout_s, "the train recovered")
-        except NotInTime as late:
-            there = {token.unit for token in self.witness.alive}
-            absent = [name for name in self.jobs if not is_router(name) and name not in there]
-            said = f"{self.state.status}, excluded {[e.unit for e in self.state.excluded]}" if self.state else "no state"
-            raise NotInTime(f"{late} ({said}, absent {absent})") from late
 
     @contextmanager
     def measured(self) -> Iterator[Figures]:
