@@ -95,6 +95,14 @@ STREAMS: tuple[tuple[str, str, tuple[str, ...]], ...] = (
     ("estimate/odometer-rear", "filter-odometer-rear", ("reading/odometer-rear", "feedback")),
 )
 ATTACK_S = 2.0
+CUT_OFF = (
+    Target("fuser that leads", lambda stack: stack.leader, 0.3),
+    Target("fuser that stands by", lambda stack: stack.standby),
+    Target("sensor-radar-rear", lambda _: "sensor-radar-rear"),
+    Target("filter-loop", lambda _: "filter-loop"),
+)
+LINKED = ("fuser", "fuser-2", "sensor-radar-rear", "filter-loop")
+DELAY_S = 0.2
 CRASHING = ("sensor-radar-front", "filter-loop")
 
 
@@ -112,10 +120,33 @@ def cells(processes: list[str], units: list[str]) -> Iterator[Cell]:
         if unit in units:
             for victim in (LEADER, ROUTER):
                 yield Cell(f"{unit} {fault}, {victim.name} killed", _lie(fault, unit, options, victim), victim.killed_s)
+    yield from _link_cells(processes)
     for key, sender, heard in STREAMS:
         if sender in processes:
             for threat in THREATS:
                 yield _attack(key, sender, heard, threat)
+
+
+def _link_cells(processes: list[str]) -> Iterator[Cell]:
+    def prepare(stack: Stack) -> None:
+        for name in LINKED:
+            if name in stack.processes:
+                stack.link(name)
+                # one fuser after the other
+                stack.recovered(RECOVERY_S)
+
+    for target in CUT_OFF:
+        if target.name.startswith("fuser") or target.name in processes:
+            yield Cell(f"{target.name} cut off 2 s", _at(target, _cut), target.killed_s, prepare=prepare)
+            yield Cell(f"{target.name} delayed 0.2 s", _at(target, _delayed), target.killed_s, prepare=prepare)
+
+
+def _cut(stack: Stack, process: str) -> None:
+    stack.cut(process, STOP_S)
+
+
+def _delayed(stack: Stack, process: str) -> None:
+    stack.delay(process, DELAY_S, STOP_S)
 
 
 def _attack(key: str, sender: str, heard: tuple[str, ...], threat: str) -> Cell:

@@ -79,17 +79,18 @@ def run_cell(stack: Stack, cell: Cell) -> Outcome:
     """Do what a cell says to a train that is well, and wait until it is well again."""
     tracebacks, said = len(stack.tracebacks), len(stack.train.errors)
     failures: list[str] = []
-    if cell.prepare is not None:
-        cell.prepare(stack)
-    stack.recovered(cell.recovery_s)
-    refused = stack.refused()
-    with stack.measured() as figures:
-        try:
+    figures = Figures()
+    try:
+        if cell.prepare is not None:
+            cell.prepare(stack)
+        stack.recovered(cell.recovery_s)
+        refused = stack.refused()
+        with stack.measured() as figures:
             cell.blow(stack)
             stack.recover(figures, cell.recovery_s)
-        except (NotInTime, AssertionError, LookupError, OSError) as error:
-            failures.append(str(error))
-    figures.refused = stack.refused() - refused
+        figures.refused = stack.refused() - refused
+    except (NotInTime, AssertionError, LookupError, OSError) as error:
+        failures.append(str(error))
     failures += judged(cell, figures)
     failures += [f"exception: {line.strip()}" for line in stack.tracebacks[tracebacks:]]
     log = tuple(line.rstrip() for line in stack.train.errors[said:])

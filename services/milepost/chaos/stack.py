@@ -7,7 +7,7 @@ import os
 import signal
 import tempfile
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -23,6 +23,7 @@ from milepost.runtime.process import ProcessOptions
 from milepost.runtime.train_jobs import router_jobs, train_jobs
 
 from .figures import Figures, measure
+from .link import Link
 from .relay import Relay
 from .running import RunningTrain, free_port
 from .sentinel import sentinel
@@ -47,6 +48,7 @@ class Stack(View):
         self._routers = routers
         self._exit = ExitStack()
         self._relays: dict[str, Relay] = {}
+        self._links: dict[str, list[Link]] = {}
 
     def __enter__(self) -> Stack:
         with ExitStack() as entered:
@@ -85,11 +87,13 @@ class Stack(View):
         os.kill(pid, signal.SIGKILL)
         if own:
             self._reap(process)
+            self._at_routers(process)
             self.start(process)
 
     def terminate(self, process: str) -> None:
         """SIGTERM, and wait for its end; it stays away until `start`."""
         pid = self._strike(process)
+        self._at_routers(process)
         os.kill(pid, signal.SIGTERM)
         if process in self._started:
             self._reap(process)
@@ -122,14 +126,52 @@ class Stack(View):
         with log:
             self._started[process] = spawned(job, log.fileno())
 
+    def link(self, process: str) -> list[Link]:
+        """The links of a process with the routers; the first time, the process is replaced by one that has such links."""
+        if process not in self._links:
+            links = [Link(endpoint) for endpoint in self.endpoints]
+            for each in links:
+                self._exit.callback(each.close)
+            self._move(process, [each.endpoint for each in links])
+            self._links[process] = links
+        return self._links[process]
+
+    def cut(self, process: str, for_s: float) -> None:
+        """Cut a process off from all routers for so long; returns then."""
+        self._disturb(process, for_s, Link.cut)
+
+    def delay(self, process: str, by_s: float, for_s: float) -> None:
+        """Delay all that a process sends and hears, for so long; returns then."""
+        self._disturb(process, for_s, lambda each: each.delay(by_s))
+
+    def _disturb(self, process: str, for_s: float, how: Callable[[Link], None]) -> None:
+        links = self.link(process)
+        for each in links:
+            how(each)
+        try:
+            time.sleep(for_s)
+        finally:
+            for each in links:
+                each.heal()
+
+    def _move(self, process: str, endpoints: list[str]) -> None:
+        """Replace a process by one that knows other endpoints; wait until it is there."""
+        self.terminate(process)
+        self.start(process, endpoints)
+        self.back(process, NORMAL_S)
+
     def behind(self, process: str, heard: Sequence[str]) -> Relay:
         """The relay between a process and the train; the first time, the process is replaced by one behind a relay."""
         if process not in self._relays:
             relay = self._exit.enter_context(Relay(self.endpoints, heard))
-            self.terminate(process)
-            self.start(process, [relay.endpoint])
+            self._move(process, [relay.endpoint])
             self._relays[process] = relay
         return self._relays[process]
+
+    def _at_routers(self, process: str) -> None:
+        """Its successor is neither behind a relay nor at links."""
+        self._relays.pop(process, None)
+        self._links.pop(process, None)
 
     def _strike(self, process: str) -> int:
         """Note the instance that is about to end; returns its process id."""

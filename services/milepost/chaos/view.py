@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import psutil
@@ -25,6 +26,7 @@ class View:
     jobs: dict[str, Job]
     endpoints: list[str]
     train: RunningTrain
+    folder: Path
     witness: Witness
 
     def __init__(self) -> None:
@@ -81,14 +83,15 @@ class View:
     @property
     def tracebacks(self) -> list[str]:
         """Lines of the processes' output that begin a traceback."""
-        return [line for line in self.train.errors if "Traceback" in line or "panicked" in line]
+        logs = [line for path in sorted(self.folder.glob("*.log")) for line in path.read_text("utf-8", "replace").splitlines()]
+        return [line for line in (*self.train.errors, *logs) if "Traceback" in line or "panicked" in line]
 
     def pid(self, process: str) -> int:
         """The process id of a process. Raises LookupError."""
         return self._started[process] if process in self._started else self.train.pid_of(*self.jobs[process].words[1:])
 
     def refused(self) -> int:
-        """How many messages all processes have refused, as their newest health says."""
+        """How many messages all processes have refused, those that ended too, as their newest health says."""
         with self.witness.news:
             return sum(sum(health.refused.values()) for health in self.witness.health.values())
 

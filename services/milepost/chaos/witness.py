@@ -29,14 +29,16 @@ def outsider(endpoints: list[str]) -> dict[str, Any]:
 
 
 class Witness:
-    """What has been heard: states with their times of receipt, truths by time, events, the newest health, live tokens."""
+    """What has been heard: states with their times of receipt, truths by time, events, the newest health of
+    each instance, live tokens.
+    """
 
     def __init__(self) -> None:
         self.news = threading.Condition()
         self.received: list[tuple[int, FusedState]] = []
         self.truths: dict[int, Truth] = {}
         self.events: list[Event] = []
-        self.health: dict[str, Health] = {}
+        self.health: dict[tuple[str, str], Health] = {}
         self.alive: set[Token] = set()
 
     def hear(self, _: str, message: Message, now_ns: int) -> None:
@@ -49,7 +51,7 @@ class Witness:
             elif isinstance(message, Event):
                 self.events.append(message)
             elif isinstance(message, Health):
-                self.health[message.unit] = message
+                self.health[message.unit, message.instance] = message
             self.news.notify_all()
 
     def see(self, token: Token, alive: bool) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import signal
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -22,6 +23,8 @@ def run_chaos(train_file: Path, only: Sequence[str], as_json: bool, report: Path
     if show:
         print(json.dumps([cell.name for cell in wanted]) if as_json else "\n".join(cell.name for cell in wanted))
         return 0
+    # the train that is running ends with this process, also where that is asked to end
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
     if not as_json:
         print(HEAD, flush=True)
     outcomes = run_matrix(train_file, wanted, _silent if as_json else _show)
