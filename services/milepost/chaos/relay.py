@@ -54,7 +54,9 @@ class Relay:
         return self
 
     def __exit__(self, *failure: object) -> None:
-        self._kept.clear()
+        # a callback that sends while its session closes is an error
+        for each in self._kept:
+            each.undeclare()
         self._tokens.clear()
         self._exit.close()
 

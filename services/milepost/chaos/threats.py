@@ -18,6 +18,7 @@ SHUFFLED_S = 0.3
 FOREIGN = "stranger"
 # what a forger adds; the bank of hypotheses must treat it as a unit that lies
 FORGED = {"speed_mps": 1.0, "position_m": 50.0, "latitude_deg": 0.001}
+FORGED_MPS2, FORGED_VALUE = 0.5, 1.0
 
 Sent = Iterable[tuple[float, bytes]]
 
@@ -79,14 +80,23 @@ def delay() -> Tamper:
 
 
 def masquerade() -> Tamper:
-    """A forger in the sender's name, who is always there first: right form, right instance, a false speed or place."""
+    """A forger in the sender's name, who is always there first: right form, right instance, false content."""
 
     def tamper(payload: bytes) -> Sent:
-        message = msgpack.unpackb(payload)
-        forged = {name: message[name] + size for name, size in FORGED.items() if message.get(name) is not None}
-        return [(0.0, _changed(payload, **forged)), (0.0, payload)]
+        return [(0.0, _changed(payload, **_forged(msgpack.unpackb(payload)))), (0.0, payload)]
 
     return tamper
+
+
+def _forged(message: dict[str, Any]) -> dict[str, Any]:
+    """The fields of a message that a forger changes: a speed, a place, a force, or what a filter has observed."""
+    out = {name: message[name] + size for name, size in FORGED.items() if message.get(name) is not None}
+    if "specific_force_mps2" in message:
+        forward, *others = message["specific_force_mps2"]
+        out["specific_force_mps2"] = [forward + FORGED_MPS2, *others]
+    if "observations" in message:
+        out["observations"] = [{**each, "value": each["value"] + FORGED_VALUE} for each in message["observations"]]
+    return out
 
 
 def _changed(payload: bytes, **fields: Any) -> bytes:
