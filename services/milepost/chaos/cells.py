@@ -101,6 +101,8 @@ CUT_OFF = (
     Target("sensor-radar-rear", lambda _: "sensor-radar-rear"),
     Target("filter-loop", lambda _: "filter-loop"),
 )
+# a filter that keeps what it has learned of its wheel
+WRITER = "filter-odometer-front"
 LINKED = ("fuser", "fuser-2", "sensor-radar-rear", "filter-loop")
 DELAY_S = 0.2
 CRASHING = ("sensor-radar-front", "filter-loop")
@@ -120,6 +122,8 @@ def cells(processes: list[str], units: list[str]) -> Iterator[Cell]:
         if unit in units:
             for victim in (LEADER, ROUTER):
                 yield Cell(f"{unit} {fault}, {victim.name} killed", _lie(fault, unit, options, victim), victim.killed_s)
+    if WRITER in processes:
+        yield Cell(f"{WRITER} disk full", _disk_full, NO_GAP_S)
     yield from _link_cells(processes)
     for key, sender, heard in STREAMS:
         if sender in processes:
@@ -139,6 +143,13 @@ def _link_cells(processes: list[str]) -> Iterator[Cell]:
         if target.name.startswith("fuser") or target.name in processes:
             yield Cell(f"{target.name} cut off 2 s", _at(target, _cut), target.killed_s, prepare=prepare)
             yield Cell(f"{target.name} delayed 0.2 s", _at(target, _delayed), target.killed_s, prepare=prepare)
+
+
+def _disk_full(stack: Stack) -> None:
+    """Nothing can be written until the filter has said so."""
+    heard = len(stack.train.errors)
+    with stack.disk_full(WRITER):
+        stack.wait_for(lambda: any("is not kept" in each for each in stack.train.errors[heard:]), 10.0, f"{WRITER} complains")
 
 
 def _cut(stack: Stack, process: str) -> None:

@@ -126,6 +126,17 @@ class Stack(View):
         with log:
             self._started[process] = spawned(job, log.fileno())
 
+    @contextmanager
+    def disk_full(self, process: str) -> Iterator[None]:
+        """Inside this block, the kernel refuses every byte that a process writes to a file."""
+        victim = psutil.Process(self.pid(process))
+        soft, hard = victim.rlimit(psutil.RLIMIT_FSIZE)
+        victim.rlimit(psutil.RLIMIT_FSIZE, (0, hard))
+        try:
+            yield
+        finally:
+            victim.rlimit(psutil.RLIMIT_FSIZE, (soft, hard))
+
     def link(self, process: str) -> list[Link]:
         """The links of a process with the routers; the first time, the process is replaced by one that has such links."""
         if process not in self._links:
