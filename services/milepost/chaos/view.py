@@ -130,4 +130,6 @@ class View:
             there = {token.unit for token in self.witness.alive}
             absent = [name for name in self.jobs if not is_router(name) and name not in there]
             said = f"{self.state.status}, excluded {[e.unit for e in self.state.excluded]}" if self.state else "no state"
-            raise NotInTime(f"{late} ({said}, absent {absent})") from late
+            lingering = [f"{token.unit}/{token.instance}" for token in self.witness.alive if token in self._gone]
+            rest = f"tokens of ended instances {lingering}, all routers listen: {self._routers_listen()}"
+            raise NotInTime(f"{late} ({said}, absent {absent}, {rest})") from late
