@@ -6,7 +6,7 @@ TRAIN ?= full
 UP ?=
 FUZZ ?=
 
-.PHONY: help up test test-fast lint audit bench compose-test fuzz pictures schema clean
+.PHONY: help up test test-fast lint audit bench chaos compose-test fuzz pictures schema clean
 
 help: ## show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## /{printf "  make %-14s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -56,6 +56,9 @@ audit: $(VENV)/.audit ## look for known weaknesses in the pinned versions (needs
 
 bench: $(VENV)/.bench ## measure step costs, codec, offline speed, live latency and load, beside peers
 	$(BIN)/python -m tests.bench
+
+chaos: $(VENV)/.ready ## break a running train in every way of the chaos matrix, and measure (TRAIN=name or file)
+	$(BIN)/milepost chaos --train $(TRAIN)
 
 compose-test: $(VENV)/.ready ## test compose.yaml and the Dask cluster with a container engine
 	$(BIN)/python -m pytest -m compose tests/compose

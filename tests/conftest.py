@@ -14,6 +14,9 @@ settings.register_profile("milepost", deadline=None, derandomize=True, max_examp
 settings.register_profile("fast", deadline=None, derandomize=True, max_examples=15)
 settings.load_profile("milepost")
 
+# the plugin of the fixture `stack`, also where this project is not installed
+pytest_plugins = ["milepost.testing"]
+
 sys.path.insert(0, str(Path(__file__).parent))
 
 

@@ -15,6 +15,7 @@ SCHEMAS = ROOT / "schemas" / "milepost_schemas"
 # from the top of the house to the bottom
 FLOORS = (
     "cli",
+    "chaos",
     "campaign",
     "evaluation",
     "checks",
@@ -172,7 +173,7 @@ def test_only_the_runtime_knows_zenoh_and_tools_that_listen_import_it_late(path:
     room = room_of(path)
     anywhere = any(is_of(name, "zenoh") for name in imports(path))
     at_the_top = any(is_of(name, "zenoh") for name in imports(path, top_level_only=True))
-    assert not anywhere or room in {"runtime", "cli"}
+    assert not anywhere or room in {"runtime", "cli"} or path.relative_to(SERVICES) == Path("chaos/relay.py")
     assert not at_the_top or room == "runtime" or path.name == "listening.py"
 
 

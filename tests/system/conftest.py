@@ -2,22 +2,22 @@
 
 from __future__ import annotations
 
-import contextlib
 import json
 import os
 import signal
-import socket
 import subprocess
 import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
-from pathlib import Path
 
 import msgpack
-import psutil
 import pytest
 import zenoh
+
+from milepost.chaos.running import RunningTrain as Stack
+from milepost.chaos.running import free_port as free_port
+from milepost.chaos.running import title_of as title_of
 
 pytestmark = pytest.mark.system
 
@@ -26,12 +26,6 @@ def pytest_collection_modifyitems(items):
     for item in items:
         if "/system/" in str(item.path):
             item.add_marker(pytest.mark.system)
-
-
-def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
 
 
 class Outside:
@@ -104,37 +98,6 @@ class Outside:
     def close(self) -> None:
         self._kept.clear()
         self.session.close()
-
-
-def title_of(pid: int) -> str:
-    """What process lists show of a process; empty where it has ended."""
-    with contextlib.suppress(OSError):
-        return Path(f"/proc/{pid}/cmdline").read_text(encoding="utf-8").rstrip("\0").replace("\0", " ")
-    return ""
-
-
-class Stack:
-    """`milepost up --headless` on a port of its own."""
-
-    def __init__(self, train: str, *options: str) -> None:
-        self.endpoint = f"tcp/127.0.0.1:{free_port()}"
-        self.endpoints = [self.endpoint, *(each for each in options if each.startswith("tcp/"))]
-        command = [sys.executable, "-m", "milepost", "up", "--headless", "--train", train, "--listen", self.endpoint, *options]
-        self.process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
-        self.errors: list[str] = []
-        threading.Thread(target=lambda: self.errors.extend(self.process.stderr), daemon=True).start()
-
-    def pid_of(self, *words: str) -> int:
-        """The process whose title is `milepost run WORDS`."""
-        for child in psutil.Process(self.process.pid).children():
-            if title_of(child.pid) == " ".join(("milepost", "run", *words)):
-                return child.pid
-        raise LookupError(words)
-
-    def stop(self) -> int:
-        if self.process.poll() is None:
-            self.process.send_signal(signal.SIGTERM)
-        return self.process.wait(10.0)
 
 
 def start(train: str, *options: str) -> tuple[Stack, Outside]:

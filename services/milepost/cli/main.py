@@ -14,6 +14,7 @@ from milepost.runtime.launch import exit_code
 from milepost.runtime.zenoh_config import DEFAULT_ENDPOINT
 
 from .campaign_command import campaign
+from .chaos_command import chaos
 from .helper_commands import display, observe, sentinel
 from .inject_command import FREE_OPTIONS, inject
 from .options import ConnectOption, JsonOption, StateDirOption, TrainOption, ZenohConfigOption, complete_scenario, show_versions
@@ -180,6 +181,7 @@ def evaluate(
 app.command()(campaign)
 app.command()(acl)
 app.add_typer(pki, name="pki")
+app.command()(chaos)
 
 
 @app.command()

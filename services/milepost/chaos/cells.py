@@ -1,0 +1,191 @@
+"""THE TABLE OF CELLS: what is done to whom, and the longest time without a state that is allowed meanwhile. A row is a cell."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+from milepost.runtime.launch import is_router
+
+from .stack import Stack
+from .threats import THREATS
+
+# between two states there are 20 ms; what an outsider of a busy machine receives has been seen up to 60 ms apart
+NO_GAP_S = 0.1
+STOP_S = 2.0
+LIE_S = 3.0
+CRASHES = 3
+RECOVERY_S = 30.0
+
+Blow = Callable[[Stack], None]
+Find = Callable[[Stack], str]
+
+
+@dataclass(frozen=True)
+class Cell:
+    """A row: after `prepare` the train must be well; `blow` breaks it; it must recover by itself within `recovery_s`."""
+
+    name: str
+    blow: Blow
+    gap_s: float
+    recovery_s: float = RECOVERY_S
+    prepare: Blow | None = None
+
+
+@dataclass(frozen=True)
+class Target:
+    """Whom a blow hits, found when it falls, and the longest gap allowed where it is killed and where it is stopped."""
+
+    name: str
+    find: Find
+    killed_s: float = NO_GAP_S
+    stopped_s: float = NO_GAP_S
+
+
+def _killed(stack: Stack, process: str) -> None:
+    stack.kill(process)
+
+
+def _stopped(stack: Stack, process: str) -> None:
+    stack.stop(process, STOP_S)
+
+
+def _replaced(stack: Stack, process: str) -> None:
+    """Ended in order, and started again by hand, as an operator replaces it."""
+    stack.terminate(process)
+    stack.start(process)
+
+
+def _crash_loop(stack: Stack, process: str) -> None:
+    """Killed again whenever it is back."""
+    for _ in range(CRASHES - 1):
+        stack.kill(process)
+        stack.back(process, RECOVERY_S)
+    stack.kill(process)
+
+
+LEADER = Target("fuser that leads", lambda stack: stack.leader, 0.1, 0.3)
+ROUTER = Target("router in use", lambda stack: stack.router, 0.3, 1.0)
+STANDBYS = (
+    Target("fuser that stands by", lambda stack: stack.standby),
+    Target("other router", lambda stack: stack.other_router),
+)
+BLOWS: tuple[tuple[str, Callable[[Stack, str], None], bool], ...] = (
+    # what is done; does it hang rather than go
+    ("killed", _killed, False),
+    ("stopped 2 s", _stopped, True),
+    ("replaced", _replaced, False),
+)
+# fault, unit, options
+LIES: tuple[tuple[str, str, dict[str, float]], ...] = (
+    ("bias", "radar-front", {"size": 1.0}),
+    ("stuck", "odometer-rear", {}),
+    ("jump", "gnss", {"size": 50.0}),
+    ("scale", "loop", {"factor": 1.05}),
+    ("noise", "radar-rear", {"factor": 10.0}),
+    ("drop_out", "imu", {}),
+    ("clock_step", "odometer-front", {"by_s": -0.5}),
+)
+# the key under attack, below `milepost/v1/{train}/`, its sender, and what that hears
+STREAMS: tuple[tuple[str, str, tuple[str, ...]], ...] = (
+    ("reading/radar-front", "sensor-radar-front", ()),
+    ("reading/gnss", "sensor-gnss", ()),
+    ("reading/imu", "sensor-imu", ()),
+    ("estimate/odometer-rear", "filter-odometer-rear", ("reading/odometer-rear", "feedback")),
+)
+ATTACK_S = 2.0
+CUT_OFF = (
+    Target("fuser that leads", lambda stack: stack.leader, 0.3),
+    Target("fuser that stands by", lambda stack: stack.standby),
+    Target("sensor-radar-rear", lambda _: "sensor-radar-rear"),
+    Target("filter-loop", lambda _: "filter-loop"),
+)
+# a filter that keeps what it has learned of its wheel
+WRITER = "filter-odometer-front"
+LINKED = ("fuser", "fuser-2", "sensor-radar-rear", "filter-loop")
+DELAY_S = 0.2
+CRASHING = ("sensor-radar-front", "filter-loop")
+
+
+def cells(processes: list[str], units: list[str]) -> Iterator[Cell]:
+    """All cells of a train with these processes and units."""
+    ordinary = [name for name in processes if not (name.startswith("fuser") or is_router(name))]
+    targets = [LEADER, ROUTER, *STANDBYS, *(Target(name, _always(name)) for name in ordinary)]
+    for what, blow, hangs in BLOWS:
+        for target in targets:
+            yield Cell(f"{target.name} {what}", _at(target, blow), target.stopped_s if hangs else target.killed_s)
+    for target in targets:
+        if target is LEADER or target.name in CRASHING:
+            yield Cell(f"{target.name} crash loop", _at(target, _crash_loop), target.killed_s)
+    for fault, unit, options in LIES:
+        if unit in units:
+            for victim in (LEADER, ROUTER):
+                yield Cell(f"{unit} {fault}, {victim.name} killed", _lie(fault, unit, options, victim), victim.killed_s)
+    if WRITER in processes:
+        yield Cell(f"{WRITER} disk full", _disk_full, NO_GAP_S)
+    yield from _link_cells(processes)
+    for key, sender, heard in STREAMS:
+        if sender in processes:
+            for threat in THREATS:
+                yield _attack(key, sender, heard, threat)
+
+
+def _link_cells(processes: list[str]) -> Iterator[Cell]:
+    def prepare(stack: Stack) -> None:
+        for name in LINKED:
+            if name in stack.processes:
+                stack.link(name)
+                # one fuser after the other
+                stack.recovered(RECOVERY_S)
+
+    for target in CUT_OFF:
+        if target.name.startswith("fuser") or target.name in processes:
+            yield Cell(f"{target.name} cut off 2 s", _at(target, _cut), target.killed_s, prepare=prepare)
+            yield Cell(f"{target.name} delayed 0.2 s", _at(target, _delayed), target.killed_s, prepare=prepare)
+
+
+def _disk_full(stack: Stack) -> None:
+    """Nothing can be written until the filter has said so."""
+    heard = len(stack.train.errors)
+    with stack.disk_full(WRITER):
+        stack.wait_for(lambda: any("is not kept" in each for each in stack.train.errors[heard:]), 10.0, f"{WRITER} complains")
+
+
+def _cut(stack: Stack, process: str) -> None:
+    stack.cut(process, STOP_S)
+
+
+def _delayed(stack: Stack, process: str) -> None:
+    stack.delay(process, DELAY_S, STOP_S)
+
+
+def _attack(key: str, sender: str, heard: tuple[str, ...], threat: str) -> Cell:
+    def prepare(stack: Stack) -> None:
+        stack.behind(sender, [f"milepost/v1/{stack.name}/{each}" for each in heard])
+
+    def blow(stack: Stack) -> None:
+        relay = stack.behind(sender, ())
+        relay.attack(f"milepost/v1/{stack.name}/{key}", THREATS[threat]())
+        try:
+            time.sleep(ATTACK_S)
+        finally:
+            relay.relent()
+
+    return Cell(f"{key} {threat}", blow, NO_GAP_S, prepare=prepare)
+
+
+def _always(name: str) -> Find:
+    return lambda _: name
+
+
+def _at(target: Target, blow: Callable[[Stack, str], None]) -> Blow:
+    return lambda stack: blow(stack, target.find(stack))
+
+
+def _lie(fault: str, unit: str, options: dict[str, float], victim: Target) -> Blow:
+    def blow(stack: Stack) -> None:
+        stack.inject(unit, fault, LIE_S, **options)
+        stack.kill(victim.find(stack))
+
+    return blow

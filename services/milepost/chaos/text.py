@@ -1,0 +1,31 @@
+"""The matrix as a table of text."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from .matrix import Outcome
+
+LOG_LINES = 20
+COLUMNS = ("gap s", "limit", "stall", "error m", "outside", "missing", "refused", "recovery s")
+HEAD = f"{'cell':<46} {' '.join(f'{name:>7}' for name in COLUMNS)}"
+
+
+def row(outcome: Outcome) -> str:
+    """One line of the table, and a line for each failure."""
+    f = outcome.figures
+    recovery = "never" if f.recovery_s is None else f"{f.recovery_s:.1f}"
+    figures = f"{f.gap_s:7.2f} {outcome.gap_limit_s:7.2f} {f.stall_s:7.2f} {f.error_m:7.2f}"
+    counts = f"{f.violations:7d} {f.missing:7d} {f.refused:7d}"
+    verdict = "PASS" if outcome.passed else "FAIL"
+    log = () if outcome.passed else tuple(f"    | {line}" for line in outcome.log[-LOG_LINES:])
+    failures = (f"    {each}" for each in outcome.failures)
+    return "\n".join([f"{outcome.cell:<46} {figures} {counts} {recovery:>10} {verdict}", *failures, *log])
+
+
+def summary(outcomes: Sequence[Outcome]) -> str:
+    """What all of them come to."""
+    failed = sum(not each.passed for each in outcomes)
+    outside = sum(each.figures.violations for each in outcomes)
+    missing = sum(each.figures.missing for each in outcomes)
+    return f"{len(outcomes)} cells, {failed} failed; {outside} interval violations, {missing} epochs missing"

@@ -1,0 +1,135 @@
+"""What can be asked of a running train: its processes, what an outsider has heard of it, whether all is well."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import psutil
+
+from milepost.runtime.instances import Token
+from milepost.runtime.launch import Job, is_router
+from milepost_schemas import Event, FusedState
+
+from .running import RunningTrain
+from .witness import NotInTime, Witness
+
+FRESH_S = 0.5
+
+
+class View:
+    """A running train as seen from outside; `jobs` are all its processes, routers first."""
+
+    name: str
+    jobs: dict[str, Job]
+    endpoints: list[str]
+    train: RunningTrain
+    folder: Path
+    witness: Witness
+
+    def __init__(self) -> None:
+        # processes that `up` did not start
+        self._started: dict[str, int] = {}
+        # what must have gone, and until when a sensor lies, before the train can be said to have recovered
+        self._gone: set[int | Token] = set()
+        self._lying_until = 0.0
+
+    @property
+    def processes(self) -> list[str]:
+        """The names of all processes, routers first."""
+        return list(self.jobs)
+
+    @property
+    def states(self) -> list[FusedState]:
+        """All states that the outside subscriber has received."""
+        return [state for _, state in self.witness.received]
+
+    @property
+    def events(self) -> list[Event]:
+        """All events that it has received."""
+        return self.witness.events
+
+    @property
+    def state(self) -> FusedState | None:
+        """The newest state."""
+        return self.witness.received[-1][1] if self.witness.received else None
+
+    @property
+    def leader(self) -> str:
+        """The process that spoke last on `state`."""
+        return self.states[-1].unit
+
+    @property
+    def standby(self) -> str:
+        """A fuser that does not lead."""
+        return next(name for name in self.jobs if name.startswith("fuser") and name != self.leader)
+
+    @property
+    def router(self) -> str:
+        """The router through which the outside subscriber hears."""
+        ports = {c.raddr.port for c in psutil.Process().net_connections("tcp") if c.raddr and c.status == "ESTABLISHED"}
+        for name, endpoint in zip((n for n in self.jobs if is_router(n)), self.endpoints, strict=True):
+            if int(endpoint.rpartition(":")[2]) in ports:
+                return name
+        raise NotInTime("no router is connected")
+
+    @property
+    def other_router(self) -> str:
+        """A router through which it does not hear."""
+        return next(name for name in self.jobs if is_router(name) and name != self.router)
+
+    @property
+    def tracebacks(self) -> list[str]:
+        """Lines of the processes' output that begin a traceback."""
+        logs = [line for path in sorted(self.folder.glob("*.log")) for line in path.read_text("utf-8", "replace").splitlines()]
+        return [line for line in (*self.train.errors, *logs) if "Traceback" in line or "panicked" in line]
+
+    def pid(self, process: str) -> int:
+        """The process id of a process. Raises LookupError."""
+        return self._started[process] if process in self._started else self.train.pid_of(*self.jobs[process].words[1:])
+
+    def refused(self) -> int:
+        """How many messages all processes have refused, those that ended too, as their newest health says."""
+        with self.witness.news:
+            return sum(sum(health.refused.values()) for health in self.witness.health.values())
+
+    def wait_for(self, what: Callable[[], Any], timeout_s: float, why: str = "what was waited for") -> Any:
+        """Wait until `what()` is true, looked at whenever something is heard; returns it. Raises NotInTime."""
+        return self.witness.wait_for(what, timeout_s, why)
+
+    def healthy(self) -> bool:
+        """All processes are there, the newest state is fresh and `normal`, and no unit is excluded."""
+        if not self.witness.received or time.monotonic() < self._lying_until or not self._gone.isdisjoint(self.witness.alive):
+            return False
+        at_ns, state = self.witness.received[-1]
+        there = {token.unit for token in self.witness.alive if token.train == self.name}
+        wanted = {name for name in self.jobs if not is_router(name)}
+        fresh = (time.time_ns() - at_ns) * 1e-9 < FRESH_S
+        return fresh and state.status == "normal" and not state.excluded and wanted <= there and self._routers_listen()
+
+    def _routers_listen(self) -> bool:
+        routers = [name for name in self.jobs if is_router(name)]
+        return all(self._listens(name, endpoint) for name, endpoint in zip(routers, self.endpoints, strict=True))
+
+    def _listens(self, router: str, endpoint: str) -> bool:
+        port = int(endpoint.rpartition(":")[2])
+        try:
+            pid = self.pid(router)
+            sockets = psutil.Process(pid).net_connections("tcp")
+        except (LookupError, psutil.Error):
+            return False
+        return pid not in self._gone and any(s.status == psutil.CONN_LISTEN and s.laddr.port == port for s in sockets)
+
+    def recovered(self, timeout_s: float = 30.0) -> None:
+        """Wait until all is well again. Raises NotInTime, with what is not."""
+        try:
+            self.wait_for(self.healthy, timeout_s, "the train recovered")
+        except NotInTime as late:
+            there = {token.unit for token in self.witness.alive}
+            absent = [name for name in self.jobs if not is_router(name) and name not in there]
+            said = f"{self.state.status}, excluded {[e.unit for e in self.state.excluded]}" if self.state else "no state"
+            lingering = [f"{token.unit}/{token.instance}" for token in self.witness.alive if token in self._gone]
+            rest = f"tokens of ended instances {lingering}, all routers listen: {self._routers_listen()}"
+            raise NotInTime(f"{late} ({said}, absent {absent}, {rest})") from late

@@ -1,0 +1,80 @@
+"""Somebody outside the train who hears what a dispatch tool would hear, and keeps it."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+from milepost.runtime import zenoh_config
+from milepost.runtime.instances import Token
+from milepost.runtime.listening import listening
+from milepost_schemas import Event, FusedState, Health, Message, Truth
+
+ROUTER_WITHIN_MS = 20_000
+HEARD = ("state", "truth", "event", "health")
+
+
+class NotInTime(AssertionError):
+    """What was waited for did not come."""
+
+
+def outsider(connection: zenoh_config.Connection) -> dict[str, Any]:
+    """A session that fails over as the train's own do, and gives up where no router comes."""
+    config = zenoh_config.client(connection)
+    config["connect"]["timeout_ms"] = ROUTER_WITHIN_MS
+    return config
+
+
+class Witness:
+    """What has been heard: states with their times of receipt, truths by time, events, the newest health of
+    each instance, live tokens.
+    """
+
+    def __init__(self) -> None:
+        self.news = threading.Condition()
+        self.received: list[tuple[int, FusedState]] = []
+        self.truths: dict[int, Truth] = {}
+        self.events: list[Event] = []
+        self.health: dict[tuple[str, str], Health] = {}
+        self.alive: set[Token] = set()
+
+    def hear(self, _: str, message: Message, now_ns: int) -> None:
+        """Keep a message."""
+        with self.news:
+            if isinstance(message, FusedState):
+                self.received.append((now_ns, message))
+            elif isinstance(message, Truth):
+                self.truths[message.measured_at_ns] = message
+            elif isinstance(message, Event):
+                self.events.append(message)
+            elif isinstance(message, Health):
+                self.health[message.unit, message.instance] = message
+            self.news.notify_all()
+
+    def see(self, token: Token, alive: bool) -> None:
+        """A process came or went."""
+        with self.news:
+            (self.alive.add if alive else self.alive.discard)(token)
+            self.news.notify_all()
+
+    def wait_for(self, what: Callable[[], Any], timeout_s: float, why: str) -> Any:
+        """Wait until `what()` is true, looked at whenever something comes; returns it. Raises NotInTime."""
+        deadline = time.monotonic() + timeout_s
+        with self.news:
+            while not (found := what()):
+                left = deadline - time.monotonic()
+                if left <= 0.0:
+                    raise NotInTime(f"not within {timeout_s:g} s: {why}")
+                self.news.wait(min(left, 0.5))
+            return found
+
+
+@contextmanager
+def witnessing(endpoints: list[str]) -> Iterator[Witness]:
+    """A witness that listens to all trains at these endpoints. Raises NoRouterError."""
+    witness = Witness()
+    with listening(endpoints, HEARD, "*", witness.hear, witness.see, config=outsider):
+        yield witness

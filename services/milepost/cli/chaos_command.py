@@ -1,0 +1,30 @@
+"""The command `milepost chaos` and its options; it imports its own code when it is called."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from milepost.config.shipped_files import find_file
+
+from .options import JsonOption, TrainOption
+
+
+def chaos(
+    train: TrainOption = Path("full"),
+    only: Annotated[
+        list[str], typer.Option("--only", help="Run only cells whose name matches this pattern, such as 'fuser*killed'.")
+    ] = [],  # noqa: B006
+    show: Annotated[bool, typer.Option("--list", help="Show the names of the cells and run none.")] = False,
+    as_json: JsonOption = False,
+    report: Annotated[Path | None, typer.Option("--report", help="Write results.json and matrix.txt to this folder.")] = None,
+) -> None:
+    """Kill, stop and replace each process of a running train, make sensors lie meanwhile, and measure what outsiders see.
+
+    Exit code 1 if a cell exceeded its limit, the truth left an interval, or a process raised an exception; else 0.
+    """
+    from .chaos import run_chaos
+
+    raise typer.Exit(run_chaos(find_file(train, "trains"), only, as_json, report, show))
