@@ -143,6 +143,12 @@ def test_on_readmission_each_row_continues_the_one_without_the_unit() -> None:
     assert [old.sets[i] for i in index] == [units | A for units in new.sets]
 
 
+def test_a_unit_that_was_blamed_is_likelier_to_lie_again_than_others_to_have_lain() -> None:
+    rows = Rows(doubts(OFTEN), NOBODY, frozenset((B | C,)), A)
+    chances = dict(zip(rows.sets, rows.chances.tolist(), strict=True))
+    assert chances == pytest.approx({NOBODY: 1.0, A: 1.0, B: 2e-3, C: 1e-5, A | B: 2e-3, A | C: 1e-5, B | C: 2e-5})
+
+
 def test_on_readmission_a_row_that_never_left_the_unit_out_goes_on_by_itself() -> None:
     train = doubts(OFTEN)
     old, new = Rows(train, A, frozenset((B | C,))), Rows(train, NOBODY, frozenset((B | C,)), A)

@@ -104,8 +104,8 @@ class Rows:
     """The rows of a bank: which units each leaves out, which it uses, and how far its interval reaches.
 
     Row 0 leaves out `excluded` alone. `blamed`: what is excluded, or was a short while ago. `alternatives`: other explanations
-    of why it was, not refuted so far, which are as likely as they are beside that. `near` (H): these, and the rows of at most
-    one cause more than is excluded.
+    of why it was, not refuted so far, which are as likely as they are beside that; what is blamed may as well lie again.
+    `near` (H): these, and the rows of at most one cause more than is excluded.
     `hard`: the places of the rows for a train that moves harder than its motion model, which are the last ones.
     """
 
@@ -119,6 +119,11 @@ class Rows:
         for units in sorted(otherwise, key=sorted):
             pairs[units] = doubts.chance(units) / doubts.chance(self.blamed)
         chances = {**single, **pairs}
+        if self.blamed > excluded:
+            # what lay a short while ago is as likely to lie again
+            chances.update(
+                (units, doubts.chance(units) / doubts.chance(self.blamed)) for units in chances if units >= self.blamed
+            )
         self.sets = tuple(sorted(chances, key=lambda units: MOTION_MODEL in units))
         self.chances = np.array([chances[units] for units in self.sets])
         self.near = np.array([units in single or units in otherwise for units in self.sets])
