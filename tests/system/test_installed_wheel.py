@@ -95,9 +95,9 @@ def test_up_runs_in_an_empty_folder(installed: Installed) -> None:
 
 
 def test_a_shipped_scenario_is_evaluated_by_name(installed: Installed) -> None:
-    done = installed.milepost("evaluate", "loop-radar-balise", "--json")
+    done = installed.milepost("evaluate", "odometer-radar", "--json")
     assert done.returncode == 0, done.stderr
-    assert json.loads(done.stdout)["estimators"]["fused"]["position_max_m"] < 0.3
+    assert json.loads(done.stdout)["estimators"]["fused"]["position_max_m"] < 1.0
 
 
 @pytest.mark.parametrize("train", ["brussels-28876", "comma2k19"])
