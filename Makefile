@@ -5,6 +5,9 @@ BIN := $(VENV)/bin
 TRAIN ?= full
 UP ?=
 FUZZ ?=
+# what takes longest comes first, so that no core waits for it at the end
+LONG := tests/property tests/consistency tests/replay tests/scenario
+TESTS := $(LONG) $(filter-out $(LONG),$(patsubst %/,%,$(wildcard tests/*/)))
 
 .PHONY: help up test test-fast lint audit bench chaos compose-test fuzz pictures schema clean
 
@@ -37,7 +40,7 @@ up: $(VENV)/.ready ## start the default train and show it (TRAIN=name or file, U
 
 # live trains are tested alone: their deadlines must not compete with other tests for the cores
 test: $(VENV)/.ready ## run all tests except those that need a container engine
-	$(BIN)/python -m pytest -n logical --dist loadfile -m "not system and not compose"
+	$(BIN)/python -m pytest -n logical --dist loadfile --no-loadscope-reorder -m "not system and not compose" $(TESTS)
 	$(BIN)/python -m pytest -m "system and not compose"
 
 test-fast: $(VENV)/.ready ## run the quick tests of units, contracts, properties and golden runs
