@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 import socket
 import subprocess
+import time
 from pathlib import Path
 
 import pytest
@@ -42,3 +43,15 @@ def run(command: list[str], timeout_s: float, environment: dict[str, str] | None
     if done.returncode:
         pytest.fail(f"{' '.join(command)}: exit code {done.returncode}\n{done.stdout}\n{done.stderr}", pytrace=False)
     return done.stdout
+
+
+def wait_until_healthy(waiting: dict[str, str], within_s: float) -> None:
+    """Wait until all of these containers, by service, are healthy."""
+    deadline = time.monotonic() + within_s
+    while waiting:
+        said = run(["docker", "inspect", "-f", "{{.State.Health.Status}}", *waiting.values()], 30.0).split()
+        found = dict(zip(waiting, said, strict=True))
+        assert time.monotonic() < deadline, found
+        waiting = {service: waiting[service] for service, health in found.items() if health != "healthy"}
+        if waiting:
+            time.sleep(0.5)  # between two looks; the engine tells nobody

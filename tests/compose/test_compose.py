@@ -16,7 +16,7 @@ import msgpack
 import pytest
 import yaml
 import zenoh
-from engine import ROOT, find_compose, free_port, run
+from engine import ROOT, find_compose, free_port, run, wait_until_healthy
 
 pytestmark = pytest.mark.compose
 
@@ -236,15 +236,8 @@ def test_state_comes_at_50_hz_and_is_right(stack: Stack) -> None:
 
 
 def test_every_container_becomes_healthy(stack: Stack) -> None:
-    deadline = time.monotonic() + 90.0
     waiting = {service: stack.container(service) for service in SERVICES}
-    while waiting:
-        said = run(["docker", "inspect", "-f", "{{.State.Health.Status}}", *waiting.values()], 30.0).split()
-        found = dict(zip(waiting, said, strict=True))
-        assert time.monotonic() < deadline, found
-        waiting = {service: waiting[service] for service, health in found.items() if health != "healthy"}
-        if waiting:
-            time.sleep(0.5)  # between two looks; the engine tells nobody
+    wait_until_healthy(waiting, 90.0)
 
 
 @pytest.mark.parametrize("service", SERVICES)

@@ -6,13 +6,12 @@ import json
 import os
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 import zenoh
-from engine import ROOT, find_compose, free_port, run
+from engine import ROOT, find_compose, free_port, wait_until_healthy
 from test_compose import COMPOSE_FILE, SERVICES, TRAIN, Stack, check_against_truth, is_whole, tell
 
 from milepost.runtime import zenoh_config
@@ -93,18 +92,11 @@ def test_a_container_has_its_own_key_alone_and_cannot_change_it(stack: Stack, se
 
 
 def test_every_container_becomes_healthy_within_its_limits(stack: Stack) -> None:
-    deadline = time.monotonic() + 120.0
-    waiting = {service: stack.container(service) for service in SERVICES}
-    for service, container in waiting.items():
+    containers = {service: stack.container(service) for service in SERVICES}
+    wait_until_healthy(containers, 120.0)
+    for service, container in containers.items():
         limits = stack.inspect(service)["HostConfig"]
         assert limits["PidsLimit"] == 128, container
         assert limits["NanoCpus"] == 10**9
-    while waiting:
-        said = run(["docker", "inspect", "-f", "{{.State.Health.Status}}", *waiting.values()], 30.0).split()
-        found = dict(zip(waiting, said, strict=True))
-        assert time.monotonic() < deadline, found
-        waiting = {service: waiting[service] for service, health in found.items() if health != "healthy"}
-        if waiting:
-            time.sleep(0.5)  # between two looks; the engine tells nobody
     restarts = {service: stack.inspect(service)["RestartCount"] for service in SERVICES}
     assert restarts == dict.fromkeys(SERVICES, 0)
