@@ -22,6 +22,7 @@ from milepost_schemas import (
     AbsoluteFix,
     BalisePassed,
     BaliseTelegram,
+    Candidate,
     Estimate,
     Event,
     FaultCommand,
@@ -164,6 +165,7 @@ EXAMPLES: dict[str, tuple[Message, ...]] = {
             settled=True,
         ),
     ),
+    "candidate": (),
     "event": (Event(**head("fuser"), severity="warning", code="coasting", text="no sensor is heard"),),
     "health": (
         Health(
@@ -192,6 +194,11 @@ EXAMPLES: dict[str, tuple[Message, ...]] = {
     ),
     "truth": (Truth(**head("world"), position_m=1234.0, speed_mps=20.0, acceleration_mps2=0.0625),),
 }
+
+EXAMPLES["candidate"] = (
+    Candidate(**head("fuser-2"), state=EXAMPLES["state"][0], feedback=EXAMPLES["feedback"][0]),
+    Candidate(**head("fuser-2"), state=EXAMPLES["state"][0]),
+)
 
 
 def examples_of(stream: Stream) -> tuple[Message, ...]:

@@ -1,5 +1,6 @@
 """The contract of Milepost: messages, codec and stream table. A dispatch tool needs no other package of it."""
 
+from .candidate import Candidate
 from .codec import Refused, decode, encode, from_fields, unpack
 from .estimate import AbsoluteFix, Estimate, Feedback, JudgedReading, LinearObservation
 from .event_codes import EVENT_CODES, EventCode
@@ -18,6 +19,7 @@ __all__ = [
     "AbsoluteFix",
     "BalisePassed",
     "BaliseTelegram",
+    "Candidate",
     "Estimate",
     "EVENT_CODES",
     "Event",

@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+from .candidate import Candidate
 from .estimate import AbsoluteFix, Estimate, Feedback
 from .fault import FaultCommand
 from .health import Event, Health
@@ -71,6 +72,7 @@ STREAMS: tuple[Stream, ...] = (
     Stream("estimate", "estimate/{unit}", Estimate, "unit", "interactive_high", 0, "a local filter's belief and observations"),
     Stream("fix", "fix/{unit}", AbsoluteFix, "event", "interactive_high", 50, "an absolute position from a balise", SMALL),
     Stream("feedback", "feedback", Feedback, "feedback", "interactive_high", 50, "the fused state, back to the filters"),
+    Stream("candidate", "candidate/{unit}", Candidate, "epoch", "real_time", 0, "what one of three fusers would publish"),
     Stream("state", "state", FusedState, "epoch", "real_time", 50, "the product, for dispatch tools"),
     Stream("event", "event", Event, "event", "data", 50, "what a person should read"),
     Stream("health", "health/{unit}", Health, "second", "background", 0, "how a process is doing"),

@@ -14,7 +14,7 @@ from pydantic import ValidationError
 from pydantic_core import PydanticUndefined
 
 from examples import T0, examples_of, surveyed_line, world
-from milepost.cli.inject import Wanted, run_list
+from milepost.cli.inject import KINDS, Wanted, run_list
 from milepost.config.faults import check_faults
 from milepost.config.train import load_train
 from milepost.config.yaml_files import ConfigError
@@ -124,9 +124,9 @@ NOTHING = Wanted("", "", (), None, False, "")
 def test_the_command_lists_every_kind_with_every_option(capsys: pytest.CaptureFixture[str]) -> None:
     assert run_list(NOTHING, as_json=True) == 0
     listed = json.loads(capsys.readouterr().out)
-    assert [row["fault"] for row in listed] == list(FAULTS)
+    assert [row["fault"] for row in listed] == list(KINDS)
     for row in listed:
-        assert set(row["options"]) == set(FAULTS[row["fault"]].options.model_fields)
+        assert set(row["options"]) == set(KINDS[row["fault"]].options.model_fields)
     assert run_list(NOTHING, as_json=False) == 0
     printed = capsys.readouterr().out
     for row in FAULTS.values():

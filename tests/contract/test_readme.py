@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 import typer
 
+from milepost.cli.inject import KINDS
 from milepost.cli.main import app
 from milepost.config.shipped_files import find_file, names_in
 from milepost.estimation.filters import FILTERS
@@ -55,8 +56,8 @@ def test_a_milepost_command_has_these_options(line: str) -> None:
         return
     command = COMMANDS_BY_NAME[words[0]]
     options = {name for parameter in command.params for name in parameter.opts}
-    if words[0] == "inject" and len(words) > 2 and words[2] in FAULTS:
-        options |= {f"--{name.replace('_', '-')}" for name in FAULTS[words[2]].options.model_fields}
+    if words[0] == "inject" and len(words) > 2 and words[2] in KINDS:
+        options |= {f"--{name.replace('_', '-')}" for name in KINDS[words[2]].options.model_fields}
     for word in words[1:]:
         if word.startswith("--") and word != "--help":
             assert word in options, line

@@ -304,7 +304,7 @@ def test_an_invalid_covariance_is_refused(row: Stream) -> None:
 
 
 def test_beliefs_and_states_carry_a_covariance() -> None:
-    assert {row.name for row in WITH_COVARIANCE} == {"estimate", "feedback", "state"}
+    assert {row.name for row in WITH_COVARIANCE} == {"candidate", "estimate", "feedback", "state"}
 
 
 @each_row

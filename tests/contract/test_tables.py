@@ -86,7 +86,7 @@ def test_listeners_start_before_speakers() -> None:
 
 
 def test_process_names_are_unique_and_can_stand_in_a_key() -> None:
-    train = load_train(ROOT / "deploy" / "trains" / "full.yaml")
+    train = load_train(ROOT / "deploy" / "trains" / "full-2oo3.yaml")
     listed = processes(train, live=True)
     assert len({process.name for process in listed}) == len(listed)
     for process in listed:

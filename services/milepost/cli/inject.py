@@ -1,10 +1,10 @@
-"""`milepost inject`: make a sensor of a running train lie."""
+"""`milepost inject`: make a sensor of a running train lie, or flip a bit of a fuser's belief."""
 
 from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, get_args
 
@@ -12,11 +12,14 @@ from pydantic.fields import FieldInfo
 
 from milepost.config.errors import ConfigError
 from milepost.config.mistakes import must_be_one_of, one_of
+from milepost.nodes.voting.memory_fault import FUSER_FAULTS, options_from
+from milepost.recordings.options import nearest
 from milepost.runtime.bus import NoRouterError
 from milepost.runtime.chaos import NoAnswerError, send_command
 from milepost.runtime.zenoh_config import Connection
-from milepost.simulation.faults import FAULTS, FaultEntry, FaultKind, not_an_option, reason_of
+from milepost.simulation.faults import FAULTS, FaultEntry, FaultKind, reason_of
 
+KINDS = {**FAULTS, **FUSER_FAULTS}
 FLAGS = {"true": True, "yes": True, "false": False, "no": False}
 
 
@@ -57,11 +60,16 @@ def _fields(wanted: Wanted) -> dict[str, Any]:
         if wanted.fault or wanted.options or wanted.for_s is not None:
             raise ConfigError("inject", "--clear", "ends all faults of a unit; name no other")
         return {}
-    if wanted.fault not in FAULTS:
-        raise ConfigError("inject", "FAULT", one_of(FAULTS, wanted.fault))
-    options = _options(FAULTS[wanted.fault], wanted.options)
+    if wanted.fault not in KINDS:
+        raise ConfigError("inject", "FAULT", one_of(KINDS, wanted.fault))
+    options = _options(KINDS[wanted.fault], wanted.options)
     try:
-        FaultEntry.model_validate({"unit": wanted.unit, "kind": wanted.fault, "from_s": 0.0, "for_s": wanted.for_s, **options})
+        if wanted.fault in FUSER_FAULTS:
+            options_from(options, wanted.for_s)
+        else:
+            FaultEntry.model_validate(
+                {"unit": wanted.unit, "kind": wanted.fault, "from_s": 0.0, "for_s": wanted.for_s, **options}
+            )
     except ValueError as error:
         raise ConfigError("inject", wanted.fault, reason_of(error)) from error
     return {
@@ -80,13 +88,18 @@ def _options(row: FaultKind, typed: Sequence[str]) -> dict[str, Any]:
         word, given, value = left.pop(0).partition("=")
         name = word.removeprefix("--").replace("-", "_")
         if not word.startswith("--") or name not in known:
-            raise ConfigError("inject", "", not_an_option(row.name, word, _typed))
+            raise ConfigError("inject", "", _not_an_option(row.name, word, known))
         if not given:
             if not left:
                 raise ConfigError("inject", word, "needs a value")
             value = left.pop(0)
         out[name] = _value(word, known[name], value)
     return out
+
+
+def _not_an_option(kind: str, word: str, known: Iterable[str]) -> str:
+    typed = [_typed(name) for name in known]
+    return f"{word}: not an option of {kind}, which has {', '.join(typed) or 'none'}{nearest(word, typed)}"
 
 
 def _typed(name: str) -> str:
@@ -114,9 +127,9 @@ def run_list(wanted: Wanted, as_json: bool) -> int:
         beside = "--clear" if wanted.clear else wanted.unit or wanted.fault
         raise ConfigError("inject", "--list", f"shows the faults of all units; leave out {beside}")
     if as_json:
-        print(json.dumps([_row(row) for row in FAULTS.values()]))
+        print(json.dumps([_row(row) for row in KINDS.values()]))
         return 0
-    for row in FAULTS.values():
+    for row in KINDS.values():
         fits = ", ".join(row.sensors or row.streams) + (", simulated" if row.needs_motion else "")
         print(f"{row.name:<14} {row.purpose} [{fits}]")
         for name, field in row.options.model_fields.items():

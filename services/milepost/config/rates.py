@@ -25,6 +25,8 @@ def _rate_hz(train: Train, stream: Stream, unit: str) -> float:
         return sum(_unit_hz(train, name) for name in _senders(train, stream) if unit in ("*", name))
     if stream.paced_by == "feedback":
         return epochs_hz / fusion.feedback_every if fusion.feedback else 0.0
+    if stream.name == "candidate" and unit == "*":
+        return epochs_hz * fusion.replicas
     return {"epoch": epochs_hz, "second": 1.0, "event": 0.0}[stream.paced_by]
 
 

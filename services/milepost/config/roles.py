@@ -15,6 +15,10 @@ from milepost.nodes.filter import FilterNode
 from milepost.nodes.fuser import FuserNode
 from milepost.nodes.replica import ReplicaNode
 from milepost.nodes.sensor import SensorNode
+from milepost.nodes.voting.agreement import Tolerance
+from milepost.nodes.voting.candidate import CandidateNode
+from milepost.nodes.voting.memory_fault import CorruptibleFuser
+from milepost.nodes.voting.voter import VoterNode
 from milepost.nodes.world import WorldNode
 from milepost.sensors.base import World
 from milepost.simulation.faults import FaultEntry
@@ -22,6 +26,7 @@ from milepost.simulation.faults import FaultEntry
 from .faults import injection
 from .fusion_settings import full_layout, fuser_settings, prior, shares
 from .train import Train
+from .train_file import VotingFile
 from .yaml_files import ConfigError
 
 
@@ -56,7 +61,7 @@ class Role:
     """A kind of process: `units` lists what a train needs it for; `uses_world`: it needs the simulated train.
 
     `sends` are the streams of the stream table that the process for a unit sends, besides `event` and `health`. `replicas`: so
-    many processes of a live train hold the role for each unit.
+    many processes of a live train hold the role for each unit. `live_only`: an offline run does without.
     """
 
     name: str
@@ -67,6 +72,7 @@ class Role:
     build: Callable[[Train, str, Setting], Node]
     sends: Callable[[Train, str], tuple[str, ...]]
     replicas: Callable[[Train], int] = lambda train: 1  # noqa: ARG005
+    live_only: bool = False
 
     def instances(self, train: Train) -> list[str]:
         """The units of all processes of a live train: each unit, then its standbys: `fuser`, `fuser-2`."""
@@ -118,11 +124,28 @@ def _balise(train: Train, unit: str, setting: Setting) -> Node:  # noqa: ARG001
 
 def _fuser(train: Train, unit: str, setting: Setting) -> Node:
     settings = fuser_settings(train)
-    node = FuserNode(train.name, setting.instance, settings, train.line, unit)
+    fuser = FuserNode(train.name, setting.instance, settings, train.line, unit)
+    if not setting.live:
+        return fuser
+    node = CorruptibleFuser(fuser) if train.file.chaos else fuser
     replicas = ROLES["fuser"].instances(train)
-    if not setting.live or len(replicas) == 1:
-        return node
-    return ReplicaNode(node, replicas, settings.period_ns, settings.deadline_ns)
+    if train.file.fusion.voting is not None:
+        return CandidateNode(node, _tolerance(train.file.fusion.voting))
+    return node if len(replicas) == 1 else ReplicaNode(node, replicas, settings.period_ns, settings.deadline_ns)
+
+
+def _tolerance(voting: VotingFile) -> Tolerance:
+    return Tolerance(voting.position_m, voting.speed_mps, voting.interval_m, voting.interval_mps, voting.sigmas)
+
+
+def _voter(train: Train, unit: str, setting: Setting) -> Node:
+    fusion, fusers = train.file.fusion, ROLES["fuser"].instances(train)
+    if fusion.voting is None:
+        raise ConfigError(train.path, "fusion.voting", "required for the role `voter`")
+    voting, period_ns = fusion.voting, fusion.period_ms * 1_000_000
+    tolerance = _tolerance(voting)
+    deadline_ns, readmit_ns = round(voting.deadline_ms * 1e6), round(voting.readmit_after_s * NS_PER_S)
+    return VoterNode(train.name, setting.instance, fusers, tolerance, period_ns, deadline_ns, readmit_ns, unit)
 
 
 def _fusers(train: Train) -> int:
@@ -135,6 +158,14 @@ def _world_units(train: Train) -> list[str]:
 
 def _one(name: str) -> Callable[[Train], list[str]]:
     return lambda train: [name]  # noqa: ARG005
+
+
+def _voters(train: Train) -> list[str]:
+    return ["voter"] if train.file.fusion.voting is not None else []
+
+
+def _fused(train: Train, unit: str) -> tuple[str, ...]:  # noqa: ARG001
+    return ("state", "feedback") if train.file.fusion.voting is None else ("candidate",)
 
 
 def _always(*streams: str) -> Callable[[Train, str], tuple[str, ...]]:
@@ -153,11 +184,13 @@ def _readings(train: Train, unit: str) -> tuple[str, ...]:
     return (train.sensors[unit].stream,)
 
 
+_VOTED = "what two of three fusers agree on"
 _FUSED = "one state an epoch from all estimates and fixes"
 ROLES: dict[str, Role] = {
     role.name: role
     for role in (
-        Role("fuser", _FUSED, False, False, _one("fuser"), _fuser, _always("state", "feedback"), _fusers),
+        Role("voter", _VOTED, False, False, _voters, _voter, _always("state", "feedback"), live_only=True),
+        Role("fuser", _FUSED, False, False, _one("fuser"), _fuser, _fused, _fusers),
         Role("filter", "a unit's local filter", True, False, lambda t: t.fused_units, _filter, _always("estimate")),
         Role("balise", "telegrams into absolute fixes", False, False, _balise_units, _balise, _always("fix")),
         Role("sensor", "a unit's readings", True, True, lambda t: list(t.sensors), _sensor, _readings),
@@ -181,9 +214,10 @@ def process_name(role: str, unit: str) -> str:
 
 
 def processes(train: Train, live: bool = False) -> list[Process]:
-    """All processes of a train besides the router, listeners before speakers; standbys too on a `live` train."""
+    """All processes of a train besides the router, listeners before speakers; standbys and voter too on a `live` train."""
     return [
         Process(process_name(role.name, unit), role.name, unit)
         for role in ROLES.values()
+        if live or not role.live_only
         for unit in (role.instances(train) if live else role.units(train))
     ]

@@ -76,10 +76,29 @@ ByAccuracy = Annotated[Literal["by_accuracy"], Tag("by_accuracy")]
 SharesFile = Annotated[Fixed | BySpeed | ByAccuracy, Discriminator(_kind_of_shares)]
 
 
+class VotingFile(BaseModel):
+    """Two out of three: by how much two fusers that agree may differ, and when the voter stops waiting.
+
+    `position_m`, `speed_mps`: of the estimate and its accuracy; `interval_m`, `interval_mps`: of the ends of the intervals;
+    `sigmas`: of all else that is fed back, in standard deviations. `deadline_ms` after its time, or its first candidate where
+    that is later, an epoch is closed. A fuser that was outvoted must agree for `readmit_after_s`.
+    """
+
+    model_config = STRICT
+    position_m: Positive = 0.05
+    speed_mps: Positive = 0.02
+    interval_m: Positive = 1.0
+    interval_mps: Positive = 0.5
+    sigmas: Positive = 1.0
+    deadline_ms: Annotated[float, Field(gt=0.0, le=1000.0)] = 100.0
+    readmit_after_s: Annotated[float, Field(gt=0.0, le=3600.0)] = 1.0
+
+
 class FusionFile(BaseModel):
     """The settings of the fuser. Feedback is sent with every `feedback_every`-th state.
 
-    `replicas`: so many fusers run on a live train; one leads, the others stand by.
+    `replicas`: so many fusers run on a live train; one leads, the others stand by. With `voting` none leads: a voter publishes
+    what two of three agree on.
     """
 
     model_config = STRICT
@@ -95,11 +114,14 @@ class FusionFile(BaseModel):
     integrity_risk_per_hour: Positive = 1e-4
     lost_above_m: Positive = 100.0
     replicas: Annotated[int, Field(ge=1, le=3)] = 1
+    voting: VotingFile | None = None
 
     @model_validator(mode="after")
     def _known(self) -> FusionFile:
         if self.rule not in RULES:
             raise ValueError(f"rule: {must_be_one_of(RULES, self.rule)}")
+        if self.voting is not None and self.replicas != 3:
+            raise ValueError(f"replicas: must be 3 with `voting`, not {self.replicas}")
         return self
 
 

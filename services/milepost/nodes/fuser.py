@@ -37,7 +37,7 @@ class FuserNode(Node):
         super().__init__(train, unit, instance)
         self.subscriptions = [Subscription("estimate"), Subscription("fix")]
         self._settings = settings
-        self._rule = RULES[settings.rule](
+        self.rule = self._rule = RULES[settings.rule](
             settings.layout,
             settings.jerk_psd,
             settings.prior,

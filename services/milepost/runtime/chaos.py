@@ -1,4 +1,4 @@
-"""Commands to the sensors of running trains, and their answers."""
+"""Commands to the sensors and fusers of running trains, and their answers."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from .instances import live_tokens
 from .listening import listening
 from .zenoh_config import Connection, place
 
-SENSOR = "sensor-"
+SENSOR, FUSER = "sensor-", "fuser"
 ANSWERS = ("fault_injected", "fault_cleared", "fault_refused")
 # how long the router takes to say that somebody listens
 MATCH_S = 1.0
@@ -57,7 +57,7 @@ def send_command(connection: Connection, train: str, unit: str, fields: dict[str
         try:
             return answers.get(timeout=ANSWER_S)
         except queue.Empty:
-            raise NoAnswerError(f"{SENSOR}{unit} of {train} did not answer within {ANSWER_S:g} s") from None
+            raise NoAnswerError(f"{unit} of {train} did not answer within {ANSWER_S:g} s") from None
 
 
 def _train(session: Any, train: str, connection: Connection) -> str:
@@ -73,7 +73,7 @@ def _train(session: Any, train: str, connection: Connection) -> str:
 
 def _check_unit(session: Any, train: str, unit: str) -> None:
     names = {token.unit for token in live_tokens(session, train)}
-    units = sorted(name.removeprefix(SENSOR) for name in names if name.startswith(SENSOR))
+    units = sorted(name.removeprefix(SENSOR) for name in names if name.startswith((SENSOR, FUSER)))
     if unit not in units:
         raise ConfigError("inject", "UNIT", must_be_one_of(units, unit))
 

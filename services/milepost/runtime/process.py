@@ -140,7 +140,7 @@ def _scenario_start(
 
     start = scenario_time.remembered(bus, _names(train))
     if start is None:
-        others = {process.name for process in processes(train) if process.role != "world"}
+        others = {p.name for p in processes(train, live=True) if p.role != "world" and p.unit in ROLES[p.role].units(train)}
         if not scenario_time.wait_for_processes(bus, others, tell):
             return None
         start = scenario_time.choose_start(node.end_s, speed)

@@ -1,0 +1,1 @@
+"""Two out of three: fusers that propose, the voter that publishes what two agree on, and the fault that it masks."""

@@ -1,0 +1,121 @@
+"""A fuser that proposes its states to the voter instead of publishing them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+
+from milepost.nodes.base import Node, Output, Subscription
+from milepost_schemas import Candidate, Feedback, FusedState, Message
+
+from .agreement import Tolerance, feedback_difference, state_difference
+
+# a fuser that contradicts so many voted feedbacks in a row begins again from the last one; the next time after twice as many
+PATIENCE, LONGEST_PATIENCE = 50, 3000
+KEPT = 64
+
+
+class CandidateNode(Node):
+    """The fuser `inner` as one of three: its `state` and `feedback` of an epoch become one candidate; its events stay.
+
+    A belief that was corrupted need not come right by itself: one that contradicts what was voted for a second begins again
+    from the voted feedback, as after a restart.
+    """
+
+    remembers = True
+    watches_processes = True
+
+    def __init__(self, inner: Node, tolerance: Tolerance) -> None:
+        super().__init__(inner.train, inner.unit, inner.instance)
+        self.inner = inner
+        self.refusals = inner.refusals
+        self.subscriptions = [
+            *inner.subscriptions,
+            Subscription("state", newest_only=True),
+            Subscription("feedback", newest_only=True),
+        ]
+        self._tolerance = tolerance
+        self._own: dict[int, Candidate] = {}
+        self._proposed_ns = 0
+        self._differs: str | None = None
+        self._contradicted = 0
+        self._patience = PATIENCE
+        # one instance has one numbering
+        self._sequences = inner._sequences
+
+    @property
+    def rewinds(self) -> int:
+        """How often a late observation caused a rewind."""
+        return self.inner.rewinds
+
+    def unit_alive(self, unit: str, alive: bool) -> None:
+        """Note that a process's liveliness token appeared or was dropped."""
+        self.inner.unit_alive(unit, alive)
+
+    def answer(self, procedure: str) -> Message | None:  # noqa: ARG002
+        """Nothing: only what was voted may move another process, and the voter remembers that."""
+        return None
+
+    def catch_up(self, feedback: Feedback, now_ns: int) -> bool:
+        """Continue from the voter's feedback."""
+        return self.inner.catch_up(feedback, now_ns)
+
+    def next_tick_ns(self) -> int | None:
+        """The fuser's next epoch."""
+        return self.inner.next_tick_ns()
+
+    def step(self, message: Message, now_ns: int) -> Iterator[Output]:
+        """Take what the fuser takes, and what was voted."""
+        if isinstance(message, FusedState | Feedback):
+            return self._compare(message, now_ns)
+        return self._proposed(self.inner.step(message, now_ns), now_ns)
+
+    def tick(self, now_ns: int) -> Iterator[Output]:
+        """Propose what is due."""
+        return self._proposed(self.inner.tick(now_ns), now_ns)
+
+    def _proposed(self, outputs: Iterable[Output], now_ns: int) -> Iterator[Output]:
+        state: FusedState | None = None
+        for output in outputs:
+            message = output.message
+            if isinstance(message, Feedback) and state is not None:
+                yield from self._candidate(state, message, now_ns)
+                state = None
+                continue
+            if state is not None:
+                yield from self._candidate(state, None, now_ns)
+                state = None
+            if isinstance(message, FusedState):
+                state = message
+            else:
+                yield output
+        if state is not None:
+            yield from self._candidate(state, None, now_ns)
+
+    def _candidate(self, state: FusedState, feedback: Feedback | None, now_ns: int) -> Iterator[Output]:
+        at = state.measured_at_ns
+        if at <= self._proposed_ns:
+            return  # it began again from an epoch of which it has spoken
+        self._proposed_ns = at
+        # what the fuser has made is the voter's to check
+        candidate = Candidate.model_construct(**self.head("candidate", at, now_ns), state=state, feedback=feedback)
+        self._own[at] = candidate
+        if len(self._own) > KEPT:
+            del self._own[min(self._own)]
+        yield Output("candidate", self.unit, candidate)
+
+    def _compare(self, voted: FusedState | Feedback, now_ns: int) -> Iterator[Output]:
+        own = self._own.get(voted.measured_at_ns)
+        if own is None:
+            return
+        if isinstance(voted, FusedState):
+            self._differs = state_difference(own.state, voted, self._tolerance)
+            return
+        how = self._differs or feedback_difference(own.feedback, voted, self._tolerance)
+        if how is None:
+            self._contradicted, self._patience = 0, PATIENCE
+            return
+        self._contradicted += 1
+        if self._contradicted >= self._patience and self.inner.catch_up(voted, now_ns):
+            self._contradicted, self._patience = 0, min(2 * self._patience, LONGEST_PATIENCE)
+            text = f"{self.unit}: begins again from what was voted, which it contradicts ({how})"
+            yield self.event("warning", "fuser_began_again", text, now_ns)

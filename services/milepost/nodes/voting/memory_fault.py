@@ -1,0 +1,125 @@
+"""A fault of a fuser's memory, on command: one bit of its belief is flipped, and it computes on with it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Any
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field
+
+from milepost.fusion.bank_state import Bank
+from milepost.fusion.information_rule import InformationFusion
+from milepost.nodes.base import Node, Output, Severity, Subscription
+from milepost.nodes.fuser import FuserNode
+from milepost.simulation.faults import FaultKind, Sent, reason_of
+from milepost_schemas import FaultCommand, Feedback, Message
+
+BIT_FLIP = "bit_flip"
+# what was true before is in the belief by now: later readings are taken on top of the flipped one
+BEFORE_NS = 500_000_000
+
+
+class BitFlip(BaseModel):
+    """The options of the fault `bit_flip`."""
+
+    model_config = ConfigDict(extra="forbid", strict=True)
+    bit: int = Field(51, ge=0, le=63, description="which bit of the float64: 0 to 51 mantissa, 52 to 62 exponent, 63 sign")
+    state: str = Field("position_m", description="which state of the belief")
+    covariance: bool = Field(False, description="flip the state's variance instead of its mean")
+
+
+# the fault acts on the fuser's memory, not on a message
+FUSER_FAULTS = {
+    row.name: row
+    for row in (FaultKind(BIT_FLIP, "flips a bit of a fuser's belief, once", BitFlip, lambda *_: list[Sent](), ("fuser",)),)
+}
+
+
+class CorruptibleFuser(Node):
+    """The fuser `inner`, of whose belief commands flip bits: in the row of its bank that it publishes, half a second ago."""
+
+    remembers = True
+    watches_processes = True
+
+    def __init__(self, inner: FuserNode) -> None:
+        super().__init__(inner.train, inner.unit, inner.instance)
+        self.inner = inner
+        self.refusals = inner.refusals
+        self.subscriptions = [*inner.subscriptions, Subscription("chaos", inner.unit)]
+        # one instance has one numbering
+        self._sequences = inner._sequences
+
+    @property
+    def rewinds(self) -> int:
+        """How often a late observation caused a rewind."""
+        return self.inner.rewinds
+
+    def unit_alive(self, unit: str, alive: bool) -> None:
+        """Note that a process's liveliness token appeared or was dropped."""
+        self.inner.unit_alive(unit, alive)
+
+    def answer(self, procedure: str) -> Message | None:
+        """What the fuser remembers."""
+        return self.inner.answer(procedure)
+
+    def catch_up(self, feedback: Feedback, now_ns: int) -> bool:
+        """Continue from a running process's feedback."""
+        return self.inner.catch_up(feedback, now_ns)
+
+    def next_tick_ns(self) -> int | None:
+        """The fuser's next epoch."""
+        return self.inner.next_tick_ns()
+
+    def tick(self, now_ns: int) -> Iterable[Output]:
+        """What the fuser does."""
+        return self.inner.tick(now_ns)
+
+    def step(self, message: Message, now_ns: int) -> Iterable[Output]:
+        """Flip a bit on command, and say so in an event."""
+        return self._obeyed(message, now_ns) if isinstance(message, FaultCommand) else self.inner.step(message, now_ns)
+
+    def _obeyed(self, command: FaultCommand, now_ns: int) -> Iterator[Output]:
+        severity: Severity = "warning"
+        code = "fault_injected"
+        try:
+            text = f"fault injected: {self._flipped(options_of(command), now_ns)}"
+        except ValueError as error:
+            code, text = "fault_refused", reason_of(error)
+        yield self.event(severity, code, f"{self.unit}: {text} ({command.instance})", now_ns)
+
+    def _flipped(self, options: BitFlip, now_ns: int) -> str:
+        """Flip the bit; returns what was flipped, in words. Raises ValueError."""
+        rule, at_ns = self.inner.rule, now_ns - BEFORE_NS
+        if not isinstance(rule, InformationFusion):
+            raise ValueError(f"{BIT_FLIP} needs the fusion rule information")
+        if options.state not in rule.names:
+            raise ValueError(f"state: must be one of {', '.join(rule.names)}, not {options.state!r}")
+        bank: Bank | None = rule.estimator.raw_at(at_ns)
+        if bank is None:
+            raise ValueError("there is no belief yet")
+        place, row = rule.names.index(options.state), bank.leader
+        x, P = bank.x.copy(), bank.P.copy()
+        cell = P[row, place, place : place + 1] if options.covariance else x[row, place : place + 1]
+        before = float(cell[0])
+        cell.view(np.uint64)[0] ^= np.uint64(1 << options.bit)
+        rule.estimator.timeline.rebase(at_ns, bank.moved(x, P))
+        what = "variance of " if options.covariance else ""
+        return f"bit {options.bit} of the {what}{options.state} flipped: {before:g} is {float(cell[0]):g}"
+
+
+def options_of(command: FaultCommand) -> BitFlip:
+    """The bit that a command asks to flip. Raises ValueError."""
+    if command.kind is None:
+        raise ValueError("a flipped bit is not flipped back: it fades as readings come")
+    if command.kind != BIT_FLIP:
+        raise ValueError(f"{command.kind} is a fault of sensors; a fuser has {BIT_FLIP}")
+    numbers = {name: int(value) if value.is_integer() else value for name, value in command.numbers.items()}
+    return options_from({**numbers, **command.words, **command.flags}, command.for_s)
+
+
+def options_from(options: Mapping[str, Any], for_s: float | None) -> BitFlip:
+    """The options of a bit flip, checked. Raises ValueError."""
+    if for_s is not None:
+        raise ValueError(f"{BIT_FLIP} happens once and has no duration")
+    return BitFlip.model_validate(options)
