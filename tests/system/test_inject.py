@@ -83,7 +83,7 @@ def test_a_misfit_and_a_missing_unit_are_refused(chaotic):
     assert done.stderr == "milepost: maglev-1: radar: jump does not fit speed_reading, but position_reading\n"
     done = inject(stack.endpoint, "rader", "bias", "--size", "5")
     assert done.returncode == 2
-    assert "inject: UNIT: must be one of balise-reader, loop, radar, not 'rader'; did you mean 'radar'?" in done.stderr
+    assert "inject: UNIT: must be one of balise-reader, fuser, loop, radar, not 'rader'; did you mean 'radar'?" in done.stderr
     cleared = inject(stack.endpoint, "rader", "--clear")
     assert (cleared.returncode, cleared.stderr) == (2, done.stderr)
     done = inject(stack.endpoint, "balise-reader", "missed_balise", "--balise", "zzz")
