@@ -129,7 +129,7 @@ main()
         ("run sensor", "run: UNIT: required: one of odometer-front, "),
         (
             "run sensr",
-            "run: ROLE: must be one of router, fuser, filter, balise, sensor, world, not 'sensr'",
+            "run: ROLE: must be one of router, voter, fuser, filter, balise, sensor, world, not 'sensr'",
         ),
         ("rerun", "rerun: READINGS: required: recorded messages: "),
         ("rerun x", "rerun: --out: required: file for the settled states, one per line; see `milepost rerun --help`"),
