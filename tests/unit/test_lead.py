@@ -79,6 +79,37 @@ def test_a_leader_that_was_stopped_gives_way_until_nobody_else_speaks() -> None:
     assert [old.takes_over(t * MS) for t in (1151, 1210, 1211)] == [False, False, True]
 
 
+def woken(unit: str) -> Lead:
+    """A leader that was stopped for two seconds, and is told that nobody else is there: its connection is lost."""
+    out = leading(unit)
+    out.awake(1000 * MS)
+    out.awake(3000 * MS)
+    out.alive(NAMES[1 - NAMES.index(unit)], False)
+    return out
+
+
+def test_a_leader_that_was_stopped_for_long_does_not_speak_before_it_is_connected_again() -> None:
+    old = woken("fuser")
+    # what lay in its queue tells nothing of now
+    old.spoke(state("fuser-2", 1500), 2, 3010 * MS)
+    assert not any(old.takes_over(t * MS) for t in range(3000, 3400))
+    old.alive("fuser-2", True)
+    assert not old.takes_over(3400 * MS)
+    old.spoke(state("fuser-2", 3420), 2, 3430 * MS)
+    assert not old.takes_over(3450 * MS)
+
+
+def test_a_leader_that_was_stopped_for_long_speaks_again_where_the_other_is_silent() -> None:
+    old = woken("fuser")
+    old.alive("fuser-2", True)
+    assert [old.takes_over(t * MS) for t in (3400, 3459, 3460)] == [False, False, True]
+
+
+def test_a_leader_that_was_stopped_for_long_and_is_alone_speaks_after_a_second() -> None:
+    old = woken("fuser")
+    assert [old.takes_over(t * MS) for t in (3000, 3999, 4000)] == [False, False, True]
+
+
 def test_a_leader_that_is_late_with_an_epoch_gives_way() -> None:
     slow = leading("fuser")
     slow.publishes(1000 * MS, 1075 * MS)

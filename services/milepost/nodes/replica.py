@@ -11,6 +11,9 @@ from .base import Node, Output, Subscription
 
 # a leader of whom nothing was heard for so many epochs has lost the lead
 SILENT_EPOCHS = 3
+# a replica that was stopped for longer than this has lost its connection: until it has another it hears nobody, whoever speaks
+LEASE_NS = 500_000_000
+RECONNECTS_NS = 1_000_000_000
 # a standby that hears of no leader, and may not lead, keeps no more than this
 KEPT_OUTPUTS = 1000
 
@@ -19,7 +22,9 @@ class Lead:
     """Which of a train's replicas speaks; `replicas` are the names of all, `unit` is this one's.
 
     Of two that speak at once the one with fewer units in use gives way, between equals the later in the list. A replica that
-    is late by three epochs gives way by itself: another one may speak for it already. So one that comes back stays silent.
+    is late by three epochs gives way by itself: another one may speak for it already. So one that comes back stays silent. One
+    that was stopped for so long that it has lost its connection is told that nobody else is there, and does not believe it at
+    once.
     """
 
     def __init__(self, unit: str, replicas: Sequence[str], period_ns: int, deadline_ns: int) -> None:
@@ -32,6 +37,7 @@ class Lead:
         self._late_ns = SILENT_EPOCHS * period_ns + deadline_ns
         self._heard_ns: int | None = None
         self._awake_ns: int | None = None
+        self._deaf_until_ns = 0
 
     def alive(self, unit: str, alive: bool) -> None:
         """A process's token appeared or went."""
@@ -39,18 +45,26 @@ class Lead:
             return
         (self._others.add if alive else self._others.discard)(unit)
         self._left_alone = not self._others
+        if alive and self._deaf_until_ns:
+            # it is connected again: whether the other one speaks is heard from now on
+            self._deaf_until_ns, self._heard_ns = 0, None
 
     def spoke(self, other: FusedState, units: int, now_ns: int) -> None:
         """Another replica has published a state; this one has so many units in use."""
         self._heard_ns = now_ns
+        if now_ns - other.measured_at_ns > self._late_ns:
+            return
+        self._deaf_until_ns = 0
         rank = self._rank.get(other.unit, self._own + 1)
-        if self.leads and now_ns - other.measured_at_ns <= self._late_ns and (-len(other.sensors), rank) < (-units, self._own):
+        if self.leads and (-len(other.sensors), rank) < (-units, self._own):
             self.leads = False
 
     def awake(self, now_ns: int) -> None:
         """This replica works, as it does in every epoch unless it was stopped."""
         stopped_ns, self._awake_ns = now_ns - (self._awake_ns or now_ns), now_ns
-        if stopped_ns > self._late_ns:
+        if stopped_ns > LEASE_NS:
+            self.leads, self._heard_ns, self._deaf_until_ns = False, now_ns, now_ns + RECONNECTS_NS
+        elif stopped_ns > self._late_ns:
             self._gives_way(now_ns)
 
     def publishes(self, epoch_ns: int, now_ns: int) -> None:
@@ -67,6 +81,8 @@ class Lead:
 
         One that has just begun listens first: it does not know yet who else is there.
         """
+        if now_ns < self._deaf_until_ns:
+            return False
         if self._heard_ns is None:
             self._heard_ns = now_ns
         self.leads = self.leads or self._left_alone or now_ns - self._heard_ns >= self._silence_ns
