@@ -17,7 +17,7 @@ from milepost.config.shipped_files import PACKAGE
 from milepost.config.yaml_files import read_yaml
 
 # the packages on which the figures of a run do not depend; of this one they depend on what measures
-ABOVE = ("cli", "campaign", "evaluation", "checks", "runtime", "deploy")
+ABOVE = ("cli", "campaign", "chaos", "evaluation", "checks", "runtime", "security", "deploy")
 MEASURING = ("measure.py", "watch.py")
 # another minor version of Python may round otherwise: `sum` of floats does since 3.12
 PYTHON = sys.version_info[:2]
