@@ -78,7 +78,7 @@ def table(found: dict) -> None:
     print(f"\nfilter step against filterpy          {ratio:8.1f} x faster       (aim 10)")
     for name, step in found["fuser_step"].items():
         what = f"fuser, {name}: bank of {step['hypotheses']} hypotheses / one belief"
-        costs = f"({step['bank_us']:.0f} / {step['one_belief_us']:.0f} µs)"
+        costs = f"({step['bank_us']:.0f} / {step['one_belief_us']:.0f} µs; numpy's calls alone {step['bare_us']:.0f} µs)"
         print(f"{what:53} {step['bank_over_one']:8.2f} x {costs}    (at most 3)")
     for name, speed in found["offline_x_real_time"].items():
         target = "    (at least 15)" if name == "full" else ""
