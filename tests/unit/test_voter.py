@@ -89,6 +89,33 @@ def test_two_epochs_that_differ_name_nobody() -> None:
     assert codes(epochs(node, 0, 2, 0.2) + epochs(node, 2, 5, 0.0) + epochs(node, 5, 7, 0.2)) == []
 
 
+def without(node: VoterNode, first: int, last: int, silent: str) -> list[Output]:
+    """Two of the three speak in every epoch, and each epoch is closed."""
+    out: list[Output] = []
+    for n in range(first, last):
+        out += [output for unit in NAMES if unit != silent for output in say(node, unit, n)]
+        out += node.tick(at(n, 105.0))
+    return out
+
+
+def test_a_fuser_that_was_only_late_has_a_vote_again_after_three_epochs() -> None:
+    """A stall is no lie. Where another fuser is wrong right after it, two must be left to vote."""
+    node = voter()
+    assert codes(without(node, 0, 3, "fuser-3")) == ["fuser_missing"]
+    assert codes(epochs(node, 3, 5, 0.0)) == []
+    assert codes(epochs(node, 5, 6, 0.0)) == ["fuser_readmitted"]
+    out = epochs(node, 6, 9, 0.2)
+    assert len(states(out)) == 3
+    assert codes(out) == ["fuser_outvoted"]
+
+
+def test_a_fuser_that_comes_back_with_something_else_has_no_vote_until_it_agreed_for_the_stated_time() -> None:
+    node = voter()
+    without(node, 0, 3, "fuser-2")
+    assert codes(epochs(node, 3, 4, 0.2) + epochs(node, 4, 53, 0.0)) == []
+    assert codes(epochs(node, 53, 54, 0.0)) == ["fuser_readmitted"]
+
+
 def test_an_outvoted_fuser_has_no_vote_until_it_agreed_for_the_stated_time() -> None:
     node = voter()
     epochs(node, 0, 3, 0.2)

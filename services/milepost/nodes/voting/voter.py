@@ -134,11 +134,11 @@ class VoterNode(Node):
             differences = self._differences(heard)
             agrees = {fuser: differences[fuser] is None for fuser in self._standings.fusers}
             decided = sum(agrees[fuser] for fuser in self._standings.voting) >= 2
-            lost, regained = self._standings.judge(agrees, decided)
+            lost, regained = self._standings.judge(agrees, heard, decided)
             for fuser in lost:
                 yield self._named(fuser, differences[fuser], fuser in heard, now_ns)
             for fuser in regained:
-                text = f"{fuser}: has a vote again: it agreed for {self._readmit_after_ns * 1e-9:g} s"
+                text = f"{fuser}: has a vote again"
                 yield self.event("info", "fuser_readmitted", text, now_ns)
             # at the very beginning the fusers need not begin with the same epoch
             if not decided and self._published_ns:
@@ -158,10 +158,10 @@ class VoterNode(Node):
         return out
 
     def _named(self, fuser: str, how: str | None, heard: bool, now_ns: int) -> Output:
-        back = f"no vote until it agrees for {self._readmit_after_ns * 1e-9:g} s"
         if not heard:
-            text = f"{fuser}: no candidate of {EPOCHS_OUT} epochs in a row: {back}"
+            text = f"{fuser}: no candidate of {EPOCHS_OUT} epochs in a row: no vote until it is heard again and agrees"
             return self.event("warning", "fuser_missing", text, now_ns)
+        back = f"no vote until it agrees for {self._readmit_after_ns * 1e-9:g} s"
         text = f"{fuser}: outvoted in {EPOCHS_OUT} epochs in a row ({how}): {back}"
         return self.event("error", "fuser_outvoted", text, now_ns)
 
