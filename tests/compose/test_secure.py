@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pytest
 import zenoh
+from containers import COMPOSE_FILE, SERVICES, TRAIN, Stack, check_against_truth, is_whole, tell
 from engine import ROOT, find_compose, free_port, wait_until_healthy
-from test_compose import COMPOSE_FILE, SERVICES, TRAIN, Stack, check_against_truth, is_whole, tell
 
 from milepost.runtime import zenoh_config
 

@@ -108,14 +108,18 @@ DELAY_S = 0.2
 CRASHING = ("sensor-radar-front", "filter-loop")
 
 
+def targets(processes: list[str]) -> list[Target]:
+    """All processes: fusers and routers by what they do when the blow falls."""
+    ordinary = [name for name in processes if not (name.startswith("fuser") or is_router(name))]
+    return [LEADER, ROUTER, *STANDBYS, *(Target(name, _always(name)) for name in ordinary)]
+
+
 def cells(processes: list[str], units: list[str]) -> Iterator[Cell]:
     """All cells of a train with these processes and units."""
-    ordinary = [name for name in processes if not (name.startswith("fuser") or is_router(name))]
-    targets = [LEADER, ROUTER, *STANDBYS, *(Target(name, _always(name)) for name in ordinary)]
     for what, blow, hangs in BLOWS:
-        for target in targets:
+        for target in targets(processes):
             yield Cell(f"{target.name} {what}", _at(target, blow), target.stopped_s if hangs else target.killed_s)
-    for target in targets:
+    for target in targets(processes):
         if target is LEADER or target.name in CRASHING:
             yield Cell(f"{target.name} crash loop", _at(target, _crash_loop), target.killed_s)
     for fault, unit, options in LIES:

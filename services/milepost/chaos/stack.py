@@ -60,7 +60,7 @@ class Stack(View):
             entered.callback(self._end)
             self.endpoints = self.train.endpoints
             loaded = load_train(self._file)
-            self.name = loaded.name
+            self.name, self.units = loaded.name, list(loaded.sensors) if loaded.file.chaos else []
             self._options = ProcessOptions(self.endpoints, parent=os.getpid(), state_dir=self.state_dir)
             self._loaded = loaded
             jobs = (*router_jobs(self.endpoints), *train_jobs(loaded, None, self._options))

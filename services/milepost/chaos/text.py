@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from .matrix import Outcome
+from .soak import Soak
 
 LOG_LINES = 20
 COLUMNS = ("gap s", "limit", "stall", "error m", "outside", "missing", "refused", "recovery s")
@@ -29,3 +30,18 @@ def summary(outcomes: Sequence[Outcome]) -> str:
     outside = sum(each.figures.violations for each in outcomes)
     missing = sum(each.figures.missing for each in outcomes)
     return f"{len(outcomes)} cells, {failed} failed; {outside} interval violations, {missing} epochs missing"
+
+
+def soak_text(out: Soak) -> str:
+    """What came of a soak: its figures, the memory of each process, and what was not kept."""
+    f = out.figures
+    lines = [
+        f"{out.minutes:g} min, seed {out.seed}: {len(out.blows)} blows, {f.states} states, {f.violations} interval violations",
+        f"epochs missing: {f.missing}, outside the allowed gaps {out.missing_elsewhere}; twice or out of order: {f.repeated}",
+        f"largest error {f.error_m:.2f} m, longest gap {f.gap_s:.2f} s (stall {f.stall_s:.2f} s)",
+        f"{'memory of its own, MB':<30} {'first':>8} {'last':>8}",
+        *(f"{name:<30} {first:8.1f} {last:8.1f}" for name, (first, last) in out.memory_mb.items()),
+        *out.failures,
+        "PASS" if out.passed else "FAIL",
+    ]
+    return "\n".join(lines)

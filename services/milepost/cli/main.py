@@ -102,7 +102,7 @@ app.command(context_settings=FREE_OPTIONS)(inject)
 
 @app.command()
 def run(
-    role: Annotated[str, typer.Argument(help="One of router, world, sensor, filter, balise, fuser.")],
+    role: Annotated[str, typer.Argument(help="One of router, world, sensor, filter, balise, fuser, voter.")],
     unit: Annotated[str, typer.Argument(help="The unit, for a sensor or a filter.")] = "",
     train: TrainOption = DEFAULT_TRAIN,
     connect: ConnectOption = [DEFAULT_ENDPOINT],  # noqa: B006

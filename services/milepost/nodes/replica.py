@@ -13,7 +13,9 @@ from .base import Node, Output, Subscription
 SILENT_EPOCHS = 3
 # a replica that was stopped for longer than this has lost its connection: until it has another it hears nobody, whoever speaks
 LEASE_NS = 500_000_000
-RECONNECTS_NS = 1_000_000_000
+RECONNECTS_NS = 2_000_000_000
+# a busy machine takes so long from the first token to the first state that is heard
+LISTENS_NS = 500_000_000
 # a standby that hears of no leader, and may not lead, keeps no more than this
 KEPT_OUTPUTS = 1000
 
@@ -38,6 +40,7 @@ class Lead:
         self._heard_ns: int | None = None
         self._awake_ns: int | None = None
         self._deaf_until_ns = 0
+        self._connected_again = False
 
     def alive(self, unit: str, alive: bool) -> None:
         """A process's token appeared or went."""
@@ -46,15 +49,18 @@ class Lead:
         (self._others.add if alive else self._others.discard)(unit)
         self._left_alone = not self._others
         if alive and self._deaf_until_ns:
-            # it is connected again: whether the other one speaks is heard from now on
-            self._deaf_until_ns, self._heard_ns = 0, None
+            self._connected_again = True
 
     def spoke(self, other: FusedState, units: int, now_ns: int) -> None:
         """Another replica has published a state; this one has so many units in use."""
         self._heard_ns = now_ns
         if now_ns - other.measured_at_ns > self._late_ns:
             return
-        self._deaf_until_ns = 0
+        self._deaf_until_ns, self._connected_again = 0, False
+        if other.unit in self._rank:
+            # who speaks is there, also where its token has not come yet
+            self._others.add(other.unit)
+            self._left_alone = False
         rank = self._rank.get(other.unit, self._own + 1)
         if self.leads and (-len(other.sensors), rank) < (-units, self._own):
             self.leads = False
@@ -63,7 +69,8 @@ class Lead:
         """This replica works, as it does in every epoch unless it was stopped."""
         stopped_ns, self._awake_ns = now_ns - (self._awake_ns or now_ns), now_ns
         if stopped_ns > LEASE_NS:
-            self.leads, self._heard_ns, self._deaf_until_ns = False, now_ns, now_ns + RECONNECTS_NS
+            self.leads, self._connected_again = False, False
+            self._heard_ns, self._deaf_until_ns = now_ns, now_ns + RECONNECTS_NS
         elif stopped_ns > self._late_ns:
             self._gives_way(now_ns)
 
@@ -81,6 +88,9 @@ class Lead:
 
         One that has just begun listens first: it does not know yet who else is there.
         """
+        if self._connected_again:
+            # whether another one speaks is heard from now on
+            self._connected_again, self._deaf_until_ns = False, now_ns + LISTENS_NS
         if now_ns < self._deaf_until_ns:
             return False
         if self._heard_ns is None:

@@ -1,0 +1,156 @@
+"""A soak: one train for a long time, and every few seconds a death, a stop or a lie, drawn at random."""
+
+from __future__ import annotations
+
+import contextlib
+import random
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+import psutil
+
+from .cells import BLOWS, LIE_S, LIES, targets
+from .figures import Figures, Received, Stall
+from .stack import NORMAL_S, Stack
+from .witness import NotInTime
+
+EVERY_S = 5.0
+LIES_SHARE = 0.3
+# a younger process has not yet all that it works with
+GROWN_S = 20.0
+BYTES_PER_MB = 1e6
+# compared are the first and the last of so many parts of the soak
+PARTS = 5
+GROWTH = 0.05
+KEPT_SHARE = 0.999
+
+# seconds since the begin, process, MB
+Sample = tuple[float, str, float]
+
+
+@dataclass(frozen=True)
+class Blow:
+    """What was done, and between when and when epochs may be missing for it."""
+
+    begin_ns: int
+    until_ns: int
+    what: str
+
+
+@dataclass
+class Soak:
+    """What came of a soak. `memory_mb`: of each process, the median of the first and of the last part of the soak.
+
+    `missing_elsewhere`: epochs without a state that neither a blow nor a stall of the machine excuses.
+    """
+
+    minutes: float
+    seed: int
+    figures: Figures
+    blows: list[Blow] = field(default_factory=list)
+    missing_elsewhere: int = 0
+    memory_mb: dict[str, tuple[float, float]] = field(default_factory=dict)
+    failures: list[str] = field(default_factory=list)
+
+    @property
+    def passed(self) -> bool:
+        """Whether everything was kept."""
+        return not self.failures
+
+    def as_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        return {"passed": self.passed, **asdict(self)}
+
+
+def soak(train_file: Path, minutes: float, seed: int, told: Callable[[str], None]) -> Soak:
+    """Break a train in a random way every 5 s for so many minutes; `told` is given a sentence for each blow."""
+    out, drawn = Soak(minutes, seed, Figures()), random.Random(seed)
+    with Stack(train_file) as stack:
+        samples: list[Sample] = []
+        try:
+            stack.recovered(NORMAL_S)
+            begun = time.monotonic()
+            with stack.measured() as out.figures:
+                for number in range(1, max(1, round(60.0 * minutes / EVERY_S)) + 1):
+                    out.blows.append(_strike(stack, drawn, out.failures))
+                    told(f"{time.monotonic() - begun:6.0f} s  {out.blows[-1].what}")
+                    time.sleep(max(0.0, begun + number * EVERY_S - time.monotonic()))
+                    samples += _samples(stack, time.monotonic() - begun)
+                stack.recover(out.figures)
+        except (NotInTime, LookupError, OSError) as error:
+            out.failures.append(str(error))
+        out.missing_elsewhere = _missing_elsewhere(stack.witness.received, out.blows, stack.sentinel.stalls())
+        out.memory_mb = _medians(samples)
+        out.failures += [f"exception: {line.strip()}" for line in stack.tracebacks]
+    out.failures += _judged(out)
+    return out
+
+
+def _strike(stack: Stack, drawn: random.Random, failures: list[str]) -> Blow:
+    """One random lie, or one random blow to a random process."""
+    lies = [lie for lie in LIES if lie[1] in stack.units]
+    begin_ns = time.time_ns()
+    what, allowed_s = "nothing", 0.0
+    try:
+        if lies and drawn.random() < LIES_SHARE:
+            fault, unit, options = drawn.choice(lies)
+            what = f"{unit} {fault}"
+            stack.inject(unit, fault, LIE_S, **options)
+        else:
+            (how, blow, hangs), target = drawn.choice(BLOWS), drawn.choice(targets(stack.processes))
+            what = f"{target.name} {how}"
+            allowed_s = target.stopped_s if hangs else target.killed_s
+            blow(stack, target.find(stack))
+    except (AssertionError, LookupError, OSError) as error:
+        failures.append(f"{what}: {error}")
+    return Blow(begin_ns, time.time_ns() + round(allowed_s * 1e9), what)
+
+
+def _samples(stack: Stack, now_s: float) -> Iterator[Sample]:
+    """The memory of its own of each process that is old enough."""
+    for name in stack.processes:
+        with contextlib.suppress(LookupError, psutil.Error):
+            process = psutil.Process(stack.pid(name))
+            if time.time() - process.create_time() > GROWN_S:
+                yield now_s, name, process.memory_full_info().uss / BYTES_PER_MB
+
+
+def _medians(samples: Sequence[Sample]) -> dict[str, tuple[float, float]]:
+    end_s = max((now_s for now_s, _, _ in samples), default=0.0)
+    out = {}
+    for name in dict.fromkeys(name for _, name, _ in samples):
+        first = [mb for now_s, who, mb in samples if who == name and now_s <= end_s / PARTS]
+        last = [mb for now_s, who, mb in samples if who == name and now_s > end_s * (1 - 1 / PARTS)]
+        if first and last:
+            out[name] = median(first), median(last)
+    return out
+
+
+def _missing_elsewhere(received: Sequence[Received], blows: Sequence[Blow], stalls: Sequence[Stall]) -> int:
+    """The epochs without a state that neither a blow nor a stall of the machine excuses."""
+    epochs = {state.epoch for _, state in received}
+    if not epochs:
+        return 0
+    newest = received[-1][1]
+    period_ns = newest.measured_at_ns // newest.epoch
+    excuses = [(blow.begin_ns, blow.until_ns) for blow in blows] + [(a - period_ns, b + period_ns) for a, b in stalls]
+    missing = [epoch * period_ns for epoch in range(min(epochs), max(epochs)) if epoch not in epochs]
+    return sum(not any(begin <= at <= until for begin, until in excuses) for at in missing)
+
+
+def _judged(out: Soak) -> Iterator[str]:
+    """Sentences about what was not kept."""
+    figures = out.figures
+    if not figures.compared:
+        yield "no state could be compared with the truth"
+    if figures.violations:
+        yield f"{figures.violations} states whose interval did not hold the truth"
+    if out.missing_elsewhere > (1.0 - KEPT_SHARE) * (figures.states + figures.missing):
+        yield f"{out.missing_elsewhere} epochs missing outside the allowed gaps"
+    for name, (first, last) in out.memory_mb.items():
+        if last > (1.0 + GROWTH) * first:
+            yield f"{name}: grew from {first:.1f} to {last:.1f} MB"
