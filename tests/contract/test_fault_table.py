@@ -26,7 +26,7 @@ ROOT = Path(__file__).resolve().parents[2]
 LINE = surveyed_line()
 READINGS = [row.name for row in STREAMS if row.key == "reading/{unit}"]
 # a value for each option that is required
-REQUIRED = {"size": 1.5, "rate": 0.5, "factor": 2.0, "by_s": 0.25, "rate_mps": 1.0, "offset_m": 5.0}
+REQUIRED = {"size": 1.5, "rate": 0.5, "factor": 2.0, "by_s": 0.25, "rate_mps": 1.0, "offset_m": 5.0, "ppm": 500.0}
 each_row = pytest.mark.parametrize("row", FAULTS.values(), ids=lambda row: row.name)
 
 

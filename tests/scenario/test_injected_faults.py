@@ -32,6 +32,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
     "jump": {"size": 50.0},
     "delay": {"by_s": 0.2},
     "clock_step": {"by_s": -0.2},
+    "clock_drift": {"ppm": -500.0},
     "late_stamp": {"by_s": 0.2},
     "spin": {"ratio": 0.2},
     "slide": {"ratio": -0.2},

@@ -113,6 +113,8 @@ CASES: list[tuple[Message, str, dict[str, Any], dict[str, Any]]] = [
         {"by_s": -0.5},
         {"measured_at_ns": T0 + 500_000_000, "published_at_ns": T0 + 501_000_000},
     ),
+    # three seconds after the onset at a second, 500 µs each
+    (speed(4.0), "clock_drift", {"ppm": 500.0}, {"measured_at_ns": T0 + 4_001_500_000, "published_at_ns": T0 + 4_002_500_000}),
     (telegram("b00003"), "wrong_balise", {}, {"balise_id": "b00004"}),
     (telegram("b00003"), "wrong_balise", {"says": "b00017"}, {"balise_id": "b00017"}),
     (telegram("b00003"), "wrong_balise", {"balise": "b00005"}, {}),

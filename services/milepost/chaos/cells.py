@@ -77,6 +77,11 @@ BLOWS: tuple[tuple[str, Callable[[Stack, str], None], bool], ...] = (
     ("stopped 2 s", _stopped, True),
     ("replaced", _replaced, False),
 )
+# less time or memory: the soak does without, as these would slow the machine for all
+STRAINS: tuple[tuple[str, Callable[[Stack, str], None]], ...] = (
+    ("ten times slower 2 s", lambda stack, process: stack.slow(process, 10.0, STOP_S)),
+    ("without memory 2 s", lambda stack, process: stack.starve(process, STOP_S)),
+)
 # fault, unit, options
 LIES: tuple[tuple[str, str, dict[str, float]], ...] = (
     ("bias", "radar-front", {"size": 1.0}),
@@ -86,6 +91,8 @@ LIES: tuple[tuple[str, str, dict[str, float]], ...] = (
     ("noise", "radar-rear", {"factor": 10.0}),
     ("drop_out", "imu", {}),
     ("clock_step", "odometer-front", {"by_s": -0.5}),
+    ("clock_step", "gnss", {"by_s": 2.0}),
+    ("clock_drift", "radar-front", {"ppm": 500.0}),
 )
 # the key under attack, below `milepost/v1/{train}/`, its sender, and what that hears
 STREAMS: tuple[tuple[str, str, tuple[str, ...]], ...] = (
@@ -119,6 +126,9 @@ def cells(processes: list[str], units: list[str]) -> Iterator[Cell]:
     for what, blow, hangs in BLOWS:
         for target in targets(processes):
             yield Cell(f"{target.name} {what}", _at(target, blow), target.stopped_s if hangs else target.killed_s)
+    for what, strain in STRAINS:
+        for target in targets(processes):
+            yield Cell(f"{target.name} {what}", _at(target, strain), target.stopped_s)
     for target in targets(processes):
         if target is LEADER or target.name in CRASHING:
             yield Cell(f"{target.name} crash loop", _at(target, _crash_loop), target.killed_s)
@@ -128,6 +138,7 @@ def cells(processes: list[str], units: list[str]) -> Iterator[Cell]:
                 yield Cell(f"{unit} {fault}, {victim.name} killed", _lie(fault, unit, options, victim), victim.killed_s)
     if WRITER in processes:
         yield Cell(f"{WRITER} disk full", _disk_full, NO_GAP_S)
+    yield Cell("every process, disk full 2 s", _no_disk, NO_GAP_S)
     yield from _link_cells(processes)
     for key, sender, heard in STREAMS:
         if sender in processes:
@@ -154,6 +165,12 @@ def _disk_full(stack: Stack) -> None:
     heard = len(stack.train.errors)
     with stack.disk_full(WRITER):
         stack.wait_for(lambda: any("is not kept" in each for each in stack.train.errors[heard:]), 10.0, f"{WRITER} complains")
+
+
+def _no_disk(stack: Stack) -> None:
+    """No process can write anything, to /tmp or elsewhere."""
+    with stack.disk_full(*stack.processes):
+        time.sleep(STOP_S)
 
 
 def _cut(stack: Stack, process: str) -> None:

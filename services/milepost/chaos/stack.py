@@ -8,7 +8,7 @@ import signal
 import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -27,6 +27,7 @@ from .link import Link
 from .relay import Relay
 from .running import RunningTrain, free_port
 from .sentinel import sentinel
+from .strain import disk_full, no_more_memory, slowed
 from .view import View
 from .witness import witnessing
 
@@ -126,16 +127,17 @@ class Stack(View):
         with log:
             self._started[process] = spawned(job, log.fileno())
 
-    @contextmanager
-    def disk_full(self, process: str) -> Iterator[None]:
-        """Inside this block, the kernel refuses every byte that a process writes to a file."""
-        victim = psutil.Process(self.pid(process))
-        soft, hard = victim.rlimit(psutil.RLIMIT_FSIZE)
-        victim.rlimit(psutil.RLIMIT_FSIZE, (0, hard))
-        try:
-            yield
-        finally:
-            victim.rlimit(psutil.RLIMIT_FSIZE, (soft, hard))
+    def disk_full(self, *processes: str) -> AbstractContextManager[None]:
+        """A block in which the kernel refuses every byte that these processes write to a file."""
+        return disk_full([self.pid(process) for process in processes])
+
+    def slow(self, process: str, times: float, for_s: float) -> None:
+        """Let a process run for one part in `times` of the time, for so long; returns then."""
+        slowed(self.pid(process), times, for_s)
+
+    def starve(self, process: str, for_s: float) -> None:
+        """Let a process have no more memory than it has, for so long; returns then."""
+        no_more_memory(self.pid(process), for_s)
 
     def link(self, process: str) -> list[Link]:
         """The links of a process with the routers; the first time, the process is replaced by one that has such links."""

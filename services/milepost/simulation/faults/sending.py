@@ -31,6 +31,12 @@ class Step(Options):
     by_s: Annotated[float, Field(ge=-LONGEST_S, le=LONGEST_S)] = Field(description="s; the clock is ahead where positive")
 
 
+class Drift(Options):
+    """Of clock_drift."""
+
+    ppm: Annotated[float, Field(ge=-1e5, le=1e5)] = Field(description="µs a second; the clock is fast where positive")
+
+
 class Duplicate(Options):
     """Of duplicate."""
 
@@ -91,6 +97,11 @@ def stamped_later(reading: Any, by_ns: int) -> Any:
 
 def clock_step(options: Step, now: Moment, reading: Any) -> list[Sent]:  # noqa: ARG001
     return [Sent(stamped_later(reading, round(options.by_s * 1e9)))]
+
+
+def clock_drift(options: Drift, now: Moment, reading: Any) -> list[Sent]:
+    """A clock that is right at the onset and runs at another rate from then on."""
+    return [Sent(stamped_later(reading, round(options.ppm * 1e3 * now.since_s)))]
 
 
 def late_stamp(options: Seconds, now: Moment, reading: Any) -> list[Sent]:  # noqa: ARG001

@@ -25,6 +25,7 @@ FAULTS: dict[str, FaultKind] = {
         FaultKind("restamp", "sends old content as new, under another instance", content.Restamp, content.restamp, ALL),
         FaultKind("duplicate", "sends every reading again under other instances", sending.Duplicate, sending.duplicate, ALL),
         FaultKind("clock_step", "has a clock that is off", sending.Step, sending.clock_step, ALL),
+        FaultKind("clock_drift", "has a clock that is fast or slow", sending.Drift, sending.clock_drift, ALL),
         FaultKind("late_stamp", "sends and stamps later than it measures", sending.Seconds, sending.late_stamp, ALL),
         FaultKind("spin", "turns faster than the train moves", content.Spin, content.creep, (SPEED,), ("odometer",)),
         FaultKind("slide", "turns slower than the train moves", content.Slide, content.creep, (SPEED,), ("odometer",)),
