@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from milepost.security.refusals import MOST, SAY_EVERY_S, Refusals
+from milepost.security.refusals import MOST_OF_ONE, SAY_EVERY_S, Refusals
 
 HEAD = "\x1b[2m2026-11-28T05:22:01.{:06d}Z\x1b[0m \x1b[35mTRACE\x1b[0m rx-{thread} ThreadId({thread:02d}) \x1b[2mzenoh::net::routing::interceptor::access_control\x1b[0m\x1b[2m:\x1b[0m "  # noqa: E501
 ZID = "af01"
@@ -29,8 +29,8 @@ class Log:
             for action in ACTIONS:
                 self.acted(action, flow, key, thread)
 
-    def acted(self, action: str, flow: str = "ingress", key: str = KEY, thread: int = 1) -> None:
-        subject = f"Interface(lo)+CertCommonName(sensor-radar)+Transport(Tls)+{ZID}"
+    def acted(self, action: str, flow: str = "ingress", key: str = KEY, thread: int = 1, who: str = "sensor-radar") -> None:
+        subject = f"Interface(lo)+CertCommonName({who})+Transport(Tls)+{ZID}"
         self.line(f"{ZID} on {subject} is unauthorized to {action} ({flow}) on {key}", thread)
 
     def cached(self, action: str = "Put", zid: str = ZID, un: str = "un") -> None:
@@ -78,11 +78,14 @@ def test_a_repeated_refusal_is_counted_and_said_every_ten_seconds(log: Log) -> N
     assert len(log.said) == 2
 
 
-def test_ever_new_keys_do_not_fill_the_memory(log: Log) -> None:
-    for i in range(4 * MOST):
+def test_ever_new_keys_neither_fill_the_memory_nor_hide_what_others_do(log: Log) -> None:
+    for i in range(1000):
         log.acted("Put", key=f"{KEY}/{i}")
-    assert len(log.refusals.counts) == MOST + 1
-    assert sum(count.total for count in log.refusals.counts.values()) == 4 * MOST
+    assert len(log.refusals.counts) == MOST_OF_ONE + 1
+    assert sum(count.total for count in log.refusals.counts.values()) == 1000
+    assert log.said[-1] == ("access_refused", "sensor-radar may not use further keys")
+    log.acted("Put", who="sensor-imu")
+    assert log.said[-1] == ("access_refused", f"sensor-imu may not put {KEY}")
 
 
 @pytest.mark.parametrize(

@@ -117,7 +117,7 @@ def test_a_process_is_restarted_after_thousands_of_restarts(supervisor: Supervis
     assert child.restarts == 5001
 
 
-def test_restarts_are_forgotten_after_healthy_minutes(supervisor: Supervisor, clock: Clock) -> None:
+def test_restarts_are_forgotten_after_a_healthy_while(supervisor: Supervisor, clock: Clock) -> None:
     child = supervisor.start(job("loop", "raise SystemExit(3)"))
     for _ in range(4):
         restarted(supervisor, child, clock)

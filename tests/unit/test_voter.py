@@ -64,6 +64,33 @@ def test_the_outer_ends_of_both_intervals_are_published() -> None:
         assert message.speed_max_mps == STATE.speed_max_mps + 0.25
 
 
+LESS = {
+    "awaiting": ["radar"],
+    "sensors": STATE.sensors[1:],
+    "position_m": STATE.position_m + 0.3,
+    "speed_mps": STATE.speed_mps + 0.1,
+    "position_max_m": STATE.position_max_m + 2.0,
+    "covariance": [[4.0 * number for number in row] for row in STATE.covariance],
+}
+
+
+def test_one_that_has_not_heard_a_unit_in_time_agrees_where_the_other_estimate_lies_in_its_interval() -> None:
+    """On a busy machine a reading comes in time to one fuser and not to the other: neither is wrong."""
+    node = voter()
+    say(node, "fuser", 0, **LESS)
+    (state,) = states(say(node, "fuser-2", 0))
+    assert state.position_m == STATE.position_m, "the one that has heard more speaks"
+    assert state.position_max_m == LESS["position_max_m"], "the interval holds what the other one says"
+
+
+def test_one_that_has_not_heard_a_unit_is_outvoted_where_an_estimate_lies_outside() -> None:
+    node = voter()
+    outside = {**LESS, "position_m": STATE.position_max_m + 0.1}
+    out = [o for n in range(3) for unit in NAMES for o in say(node, unit, n, **(outside if unit == "fuser-2" else {}))]
+    assert [s.position_m for s in states(out)] == [STATE.position_m] * 3
+    assert codes(out) == ["fuser_outvoted"]
+
+
 def test_one_missing_is_no_hindrance_and_is_named_after_three_epochs() -> None:
     node, out = voter(), []
     for n in range(3):

@@ -13,9 +13,9 @@ from dataclasses import dataclass
 
 LOG_FILTER = "error,zenoh_link_tls=warn,zenoh::net::routing::interceptor::access_control=trace"
 SAY_EVERY_S = 10.0
-# whoever sends on ever new keys must not fill the memory
-MOST = 256
-OTHERS = ("others", "use", "further keys")
+# whoever sends on ever new keys must not fill the memory, nor hide what others do
+MOST_OF_ONE, MOST_NAMES = 16, 256
+FURTHER = ("use", "further keys")
 # what access control calls it
 VERBS = {
     "Put": "put",
@@ -61,6 +61,7 @@ class Refusals:
         self._tell = tell
         self._clock = clock
         self._names: dict[str, str] = {}
+        self._kinds: dict[str, int] = {}
         # what a thread still traces of a key that it sees for the first time
         self._skip: dict[str, tuple[str, str, int]] = {}
 
@@ -82,7 +83,7 @@ class Refusals:
 
     def _action(self, found: re.Match[str]) -> None:
         name = _NAME.search(found["subject"])
-        if name is not None and len(self._names) < 16 * MOST:
+        if name is not None and len(self._names) < 16 * MOST_NAMES:
             self._names[found["zid"]] = name[1]
         flow, key, left = self._skip.get(found["thread"], ("", "", 0))
         if left and (flow, key) == (found["flow"], found["key"]):
@@ -100,8 +101,11 @@ class Refusals:
 
     def _refused(self, who: str, what: str, where: str) -> None:
         refused = (who, what, where)
-        if refused not in self.counts and len(self.counts) >= MOST:
-            refused = OTHERS
+        if refused not in self.counts:
+            if who not in self._kinds and len(self._kinds) >= MOST_NAMES:
+                who = "others"
+            kinds = self._kinds[who] = self._kinds.get(who, 0) + 1
+            refused = (who, what, where) if kinds <= MOST_OF_ONE else (who, *FURTHER)
         count = self.counts.setdefault(refused, Count())
         count.total += 1
         now = self._clock()

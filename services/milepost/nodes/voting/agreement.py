@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+from milepost.estimation.layout import N_COMMON
 from milepost_schemas import Candidate, Feedback, FusedState
 
 # the numbers that are compared, by the field of the tolerance
@@ -39,21 +40,42 @@ class Tolerance:
 def difference(a: Candidate, b: Candidate, tolerance: Tolerance) -> str | None:
     """The first difference beyond the tolerance, in words; None where two candidates agree.
 
-    Not compared: lists for people (`sensors`, `excluded`, `doubted`, `awaiting`), and `last_balise` where one has none.
+    Two that have not heard the same units in time, as on a busy machine, say different things, and neither is wrong: there each
+    estimate must lie in the other's interval. Not compared: lists for people (`excluded`, `doubted`), and `last_balise` where
+    one has none.
     """
-    return state_difference(a.state, b.state, tolerance) or feedback_difference(a.feedback, b.feedback, tolerance)
+    return state_difference(a.state, b.state, tolerance) or feedback_difference(
+        a.feedback, b.feedback, tolerance, heard(a.state) == heard(b.state)
+    )
+
+
+def heard(state: FusedState) -> tuple[frozenset[str], frozenset[str]]:
+    """The units that a state uses, and those that it awaits."""
+    return frozenset(each.unit for each in state.sensors), frozenset(state.awaiting)
+
+
+def better_heard(one: Candidate, other: Candidate) -> tuple[Candidate, Candidate]:
+    """The two, the one that awaits fewer units and uses more of them first; as given where that is the same."""
+    one_first = (len(one.state.awaiting), -len(one.state.sensors)) <= (len(other.state.awaiting), -len(other.state.sensors))
+    return (one, other) if one_first else (other, one)
 
 
 def state_difference(one: FusedState, other: FusedState, tolerance: Tolerance) -> str | None:
     """The same of two states."""
-    return next(_state_differences(one, other, tolerance), None)
+    differences = _state_differences(one, other, tolerance) if heard(one) == heard(other) else _contradictions(one, other)
+    return next(differences, None)
 
 
-def feedback_difference(one: Feedback | None, other: Feedback | None, tolerance: Tolerance) -> str | None:
-    """The same of two feedbacks; their intervals are those of the states."""
+def feedback_difference(
+    one: Feedback | None, other: Feedback | None, tolerance: Tolerance, same_heard: bool = True
+) -> str | None:
+    """The same of two feedbacks; their intervals are those of the states.
+
+    Without `same_heard` what their states say of the train's motion is left to these.
+    """
     if one is None or other is None:
         return None if one is other else "feedback of one alone"
-    return next(_feedback_differences(one, other, tolerance), None)
+    return next(_feedback_differences(one, other, tolerance, 0 if same_heard else N_COMMON), None)
 
 
 def outer_interval(one: FusedState | Feedback, other: FusedState | Feedback) -> dict[str, float]:
@@ -82,16 +104,32 @@ def _state_differences(one: FusedState, other: FusedState, t: Tolerance) -> Iter
     yield from _matrix("covariance", one.covariance, other.covariance, t.sigmas)
 
 
-def _feedback_differences(one: Feedback, other: Feedback, t: Tolerance) -> Iterator[str]:
+def _contradictions(one: FusedState, other: FusedState) -> Iterator[str]:
+    """Where two that have heard different units cannot both be right."""
+    for name in ("epoch", "line", "line_hash"):
+        if (left := getattr(one, name)) != (right := getattr(other, name)):
+            yield f"{name} {left} and {right}"
+    for a, b in ((one, other), (other, one)):
+        for name in ("position", "speed"):
+            unit = "m" if name == "position" else "mps"
+            low, value, high = getattr(b, f"{name}_min_{unit}"), getattr(a, f"{name}_{unit}"), getattr(b, f"{name}_max_{unit}")
+            # written so that a NaN is a difference
+            if not low <= value <= high:
+                yield f"{name}_{unit} {value:.6g} is not in [{low:.6g}, {high:.6g}]"
+
+
+def _feedback_differences(one: Feedback, other: Feedback, t: Tolerance, first: int) -> Iterator[str]:
     if one.fused.states != other.fused.states:
         yield "feedback of other states"
         return
     scale = _scale(one.fused.covariance, other.fused.covariance)
     most = [t.position_m, t.speed_mps, *(t.sigmas * std for std in scale[2:])]
-    for name, left, right, limit in zip(one.fused.states, one.fused.mean, other.fused.mean, most, strict=True):
+    numbers = list(zip(one.fused.states, one.fused.mean, other.fused.mean, most, strict=True))
+    for name, left, right, limit in numbers[first:]:
         if not abs(left - right) <= limit:
             yield f"feedback {name} {left:.6g} and {right:.6g}"
-    yield from _matrix("feedback covariance", one.fused.covariance, other.fused.covariance, t.sigmas)
+    if not first:
+        yield from _matrix("feedback covariance", one.fused.covariance, other.fused.covariance, t.sigmas)
 
 
 def _scale(one: list[list[float]], other: list[list[float]]) -> list[float]:

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 from milepost.nodes.base import Node, Output, Subscription
 from milepost_schemas import Candidate, Feedback, FusedState, Message
 
-from .agreement import Tolerance, feedback_difference, state_difference
+from .agreement import Tolerance, feedback_difference, heard, state_difference
 
 # a fuser that contradicts so many voted feedbacks in a row begins again from the last one; the next time after twice as many
 PATIENCE, LONGEST_PATIENCE = 50, 3000
@@ -37,6 +37,7 @@ class CandidateNode(Node):
         self._own: dict[int, Candidate] = {}
         self._proposed_ns = 0
         self._differs: str | None = None
+        self._same_heard = True
         self._contradicted = 0
         self._patience = PATIENCE
         # one instance has one numbering
@@ -109,8 +110,9 @@ class CandidateNode(Node):
             return
         if isinstance(voted, FusedState):
             self._differs = state_difference(own.state, voted, self._tolerance)
+            self._same_heard = heard(own.state) == heard(voted)
             return
-        how = self._differs or feedback_difference(own.feedback, voted, self._tolerance)
+        how = self._differs or feedback_difference(own.feedback, voted, self._tolerance, self._same_heard)
         if how is None:
             self._contradicted, self._patience = 0, PATIENCE
             return

@@ -10,7 +10,7 @@ from milepost.estimation.observation import FUTURE_NS
 from milepost.nodes.base import Node, Output, Subscription
 from milepost_schemas import Candidate, Feedback, Message
 
-from .agreement import Tolerance, difference, outer_interval
+from .agreement import Tolerance, better_heard, difference, outer_interval
 from .standing import EPOCHS_OUT, Standings
 
 # candidates of epochs that are older than this are not voted on; a fuser skips such epochs too
@@ -28,9 +28,10 @@ class Ballot:
 class VoterNode(Node):
     """One process, and so a single point: while it is away nothing is published.
 
-    An epoch's state and feedback are published as soon as two fusers that have a vote agree: those of the earlier of the two in
-    the list `fusers`, with the outer ends of both intervals, under the voter's own head. An epoch is closed when all have
-    spoken, or `deadline_ns` after its time or its first candidate, whichever is later. No epoch is published after a later one.
+    An epoch's state and feedback are published as soon as two fusers that have a vote agree: those of the one that has heard
+    more units, between equals of the earlier in the list `fusers`, with the outer ends of both intervals, under the voter's own
+    head. An epoch is closed when all have spoken, or `deadline_ns` after its time or its first candidate, whichever is later.
+    No epoch is published after a later one.
     """
 
     remembers = True
@@ -114,7 +115,7 @@ class VoterNode(Node):
         pair = next((pair for pair in combinations(heard, 2) if difference(*pair, self._tolerance) is None), None)
         if pair is None:
             return
-        agreed, other = pair
+        agreed, other = better_heard(*pair)
         interval = outer_interval(agreed.state, other.state)
         at = self._published_ns = agreed.measured_at_ns
         if self._undecided:
