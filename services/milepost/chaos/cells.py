@@ -66,6 +66,8 @@ def _crash_loop(stack: Stack, process: str) -> None:
 
 
 LEADER = Target("fuser that leads", lambda stack: stack.leader, 0.1, 0.3)
+# the voter is a single process: it is away until it is started again
+VOTER = Target("voter", lambda _: "voter", 2.0, 0.3)
 ROUTER = Target("router in use", lambda stack: stack.router, 0.3, 1.0)
 STANDBYS = (
     Target("fuser that stands by", lambda stack: stack.standby),
@@ -94,6 +96,9 @@ LIES: tuple[tuple[str, str, dict[str, float]], ...] = (
     ("clock_step", "gnss", {"by_s": 2.0}),
     ("clock_drift", "radar-front", {"ppm": 500.0}),
 )
+# what is flipped in the belief of one of three fusers
+FLIPPED = "fuser-2"
+FLIPS = (("position_m", 50), ("speed_mps", 51), ("speed_mps", 63))
 # the key under attack, below `milepost/v1/{train}/`, its sender, and what that hears
 STREAMS: tuple[tuple[str, str, tuple[str, ...]], ...] = (
     ("reading/radar-front", "sensor-radar-front", ()),
@@ -116,9 +121,14 @@ CRASHING = ("sensor-radar-front", "filter-loop")
 
 
 def targets(processes: list[str]) -> list[Target]:
-    """All processes: fusers and routers by what they do when the blow falls."""
+    """All processes, whoever speaks first. Fusers and routers are found by what they do, three fusers that vote by name."""
     ordinary = [name for name in processes if not (name.startswith("fuser") or is_router(name))]
-    return [LEADER, ROUTER, *STANDBYS, *(Target(name, _always(name)) for name in ordinary)]
+    standby, other_router = STANDBYS
+    if VOTER.name in processes:
+        fusers = [name for name in processes if name.startswith("fuser")]
+        named = [*fusers, *(name for name in ordinary if name != VOTER.name)]
+        return [VOTER, ROUTER, other_router, *(Target(name, _always(name)) for name in named)]
+    return [LEADER, ROUTER, standby, other_router, *(Target(name, _always(name)) for name in ordinary)]
 
 
 def cells(processes: list[str], units: list[str]) -> Iterator[Cell]:
@@ -134,11 +144,14 @@ def cells(processes: list[str], units: list[str]) -> Iterator[Cell]:
             yield Cell(f"{target.name} crash loop", _at(target, _crash_loop), target.killed_s)
     for fault, unit, options in LIES:
         if unit in units:
-            for victim in (LEADER, ROUTER):
+            for victim in targets(processes)[:2]:
                 yield Cell(f"{unit} {fault}, {victim.name} killed", _lie(fault, unit, options, victim), victim.killed_s)
     if WRITER in processes:
         yield Cell(f"{WRITER} disk full", _disk_full, NO_GAP_S)
     yield Cell("every process, disk full 2 s", _no_disk, NO_GAP_S)
+    if VOTER.name in processes and units:
+        for state, bit in FLIPS:
+            yield Cell(f"{FLIPPED}, bit {bit} of {state} flipped", _flip(state, bit), NO_GAP_S)
     yield from _link_cells(processes)
     for key, sender, heard in STREAMS:
         if sender in processes:
@@ -158,6 +171,21 @@ def _link_cells(processes: list[str]) -> Iterator[Cell]:
         if target.name.startswith("fuser") or target.name in processes:
             yield Cell(f"{target.name} cut off 2 s", _at(target, _cut), target.killed_s, prepare=prepare)
             yield Cell(f"{target.name} delayed 0.2 s", _at(target, _delayed), target.killed_s, prepare=prepare)
+
+
+def _flip(state: str, bit: int) -> Blow:
+    def blow(stack: Stack) -> None:
+        begun = len(stack.events)
+        stack.inject(FLIPPED, "bit_flip", None, state=state, bit=bit)
+        stack.wait_for(lambda: _told_again(stack, begun), RECOVERY_S, f"{FLIPPED} has a vote again")
+
+    return blow
+
+
+def _told_again(stack: Stack, begun: int) -> bool:
+    """Whether the voter has named the fuser, and given it a vote again."""
+    told = [event.code for event in stack.events[begun:] if event.unit == VOTER.name and event.text.startswith(f"{FLIPPED}:")]
+    return "fuser_outvoted" in told and "fuser_readmitted" in told
 
 
 def _disk_full(stack: Stack) -> None:

@@ -8,7 +8,7 @@ from .matrix import Outcome
 from .soak import Soak
 
 LOG_LINES = 20
-COLUMNS = ("gap s", "limit", "stall", "error m", "outside", "missing", "refused", "recovery s")
+COLUMNS = ("gap s", "limit", "stall", "error m", "outside", "missing", "twice", "refused", "recovery s")
 HEAD = f"{'cell':<46} {' '.join(f'{name:>7}' for name in COLUMNS)}"
 
 
@@ -17,7 +17,7 @@ def row(outcome: Outcome) -> str:
     f = outcome.figures
     recovery = "never" if f.recovery_s is None else f"{f.recovery_s:.1f}"
     figures = f"{f.gap_s:7.2f} {outcome.gap_limit_s:7.2f} {f.stall_s:7.2f} {f.error_m:7.2f}"
-    counts = f"{f.violations:7d} {f.missing:7d} {f.refused:7d}"
+    counts = f"{f.violations:7d} {f.missing:7d} {f.repeated:7d} {f.refused:7d}"
     verdict = "PASS" if outcome.passed else "FAIL"
     log = () if outcome.passed else tuple(f"    | {line}" for line in outcome.log[-LOG_LINES:])
     failures = (f"    {each}" for each in outcome.failures)
