@@ -12,6 +12,7 @@ import threading
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import Any
 
 LISTENER = """
@@ -110,7 +111,7 @@ def hosts_in_a_row(*names: str) -> Iterator[tuple[list[Host], list[Cable]]]:
             made.append(host)
             ip("-n", host.name, "link", "set", "lo", "up")
         cables = []
-        for n, (near, far) in enumerate(zip(hosts, hosts[1:], strict=False)):
+        for n, (near, far) in enumerate(pairwise(hosts)):
             ip("link", "add", f"c{n}", "netns", near.name, "type", "veth", "peer", "name", f"d{n}", "netns", far.name)
             for host, port, last in ((near, f"c{n}", 1), (far, f"d{n}", 2)):
                 ip("-n", host.name, "addr", "add", f"10.79.{n}.{last}/24", "dev", port)

@@ -17,7 +17,7 @@ FRESH_NS = 200_000_000
 HEALED_S = 1.0
 # what other work on the machine may add
 SHARED_S = 0.5
-ON_BOARD, WAYSIDE, CENTRE = "tcp/127.0.0.1:7447", "tcp/10.79.0.2:7447", "tcp/127.0.0.1:7447"
+ON_BOARD, CENTRE = "tcp/127.0.0.1:7447", "tcp/127.0.0.1:7447"
 
 Hosts = tuple[list[Host], list[Cable]]
 

@@ -15,7 +15,6 @@ from milepost.cli.main import app
 from milepost.config.shipped_files import find_file, names_in
 from milepost.estimation.filters import FILTERS
 from milepost.sensors import SENSORS
-from milepost.simulation.faults import FAULTS
 from milepost_schemas import STREAMS
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -66,7 +65,7 @@ def test_a_milepost_command_has_these_options(line: str) -> None:
 def test_the_faults_that_it_names_are_those_of_the_table() -> None:
     section = README.split("\n## Sensors that lie\n")[1].split("\n## ")[0]
     named = {word for word in re.findall(r"`([a-z_]+)`", section) if word not in ("event", "full")}
-    assert named == set(FAULTS)
+    assert named == set(KINDS)
 
 
 @pytest.mark.parametrize("target", MAKE)
