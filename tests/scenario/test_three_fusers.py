@@ -68,9 +68,11 @@ class Three:
     def until(self, t_s: float) -> None:
         self.bus.run_until(at(t_s))
 
-    def flip(self, fuser: str, state: str, bit: int, t_s: float) -> None:
+    def flip(self, fuser: str, state: str, bit: int, t_s: float, **flags: bool) -> None:
         head = {"train": "maglev-1", "unit": fuser, "instance": "test", "measured_at_ns": at(t_s), "published_at_ns": at(t_s)}
-        command = FaultCommand(**head, sequence=0, kind="bit_flip", numbers={"bit": float(bit)}, words={"state": state})
+        command = FaultCommand(
+            **head, sequence=0, kind="bit_flip", numbers={"bit": float(bit)}, words={"state": state}, flags=flags
+        )
         self.bus.inject("chaos", fuser, command, at(t_s))
 
     def events_of(self, code: str) -> list[Event]:
@@ -155,6 +157,20 @@ def test_a_fuser_that_stays_wrong_begins_again_and_has_a_vote_within_four_second
         assert abs(state.position_m - alone_.position_m) < 0.05
         assert state.position_min_m <= alone_.position_min_m
         assert state.position_max_m >= alone_.position_max_m
+
+
+def test_a_fuser_whose_belief_cannot_be_computed_with_begins_again_from_what_was_voted() -> None:
+    """The sign of a variance is flipped: no state can be made of that, and the process need not end for it."""
+    three = Three()
+    three.until(HAPPENS_S)
+    three.flip("fuser-2", "position_m", 63, HAPPENS_S, covariance=True)
+    three.until(END_S)
+    voted = ("fuser_missing", "fuser_outvoted", "fuser_began_again", "fuser_readmitted")
+    told = [event for event in three.events if event.code in voted]
+    assert [event.code for event in told][-1] == "fuser_readmitted"
+    (again,) = [event for event in told if event.code == "fuser_began_again"]
+    assert "cannot be computed with" in again.text
+    assert same_as_one_fuser(three, told[-1].measured_at_ns)
 
 
 def test_a_fuser_that_dies_leaves_no_gap_and_is_named() -> None:

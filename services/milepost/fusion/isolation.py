@@ -132,19 +132,23 @@ class Isolation:
         return self._noted(out, units - old.excluded, why, seen)
 
     def _recalled(self, before: Bank, state: Bank, unit: str) -> Bank:
-        """A wheel that begins to slip keeps its diameter: its private states are those of row 0 before, twice as uncertain.
+        """A wheel that begins to slip keeps its diameter: each row takes it from the same row that still heard the wheel.
 
-        Without correlation with the common states, which never heard it. What a slow liar has taught row 0 is not kept.
+        What a liar has taught a row so stays in the rows that heard the liar. Twice as uncertain as before, and without
+        correlation with the common states, which never heard the wheel.
         """
         if unit not in self._priors or not self._doubts.by_unit[unit].slips:
             return state
-        places = self._priors[unit][0]
-        own = list(range(places.start, places.stop))
+        own = list(range(*self._priors[unit][0].indices(len(state.x[0]))))
         x, P = state.x.copy(), state.P.copy()
-        x[:, own] = before.x[0, own]
-        P[:, own, :] = 0.0
-        P[:, :, own] = 0.0
-        P[np.ix_(range(len(P)), own, own)] = 4.0 * before.P[0][np.ix_(own, own)]
+        for row, units in enumerate(state.rows.sets):
+            heard = before.rows.places.get(units - {unit})
+            if heard is None:
+                continue
+            x[row, own] = before.x[heard, own]
+            P[row, own, :] = 0.0
+            P[row, :, own] = 0.0
+            P[np.ix_([row], own, own)] = 4.0 * before.P[heard][np.ix_(own, own)]
         return state._replace(x=x, P=P)
 
     def _noted(self, state: Bank, units: Units, why: Exclusion, nu: list[float]) -> Bank:

@@ -38,6 +38,7 @@ class CandidateNode(Node):
         self._proposed_ns = 0
         self._differs: str | None = None
         self._same_heard = True
+        self._broken = ""
         self._contradicted = 0
         self._patience = PATIENCE
         # one instance has one numbering
@@ -61,8 +62,8 @@ class CandidateNode(Node):
         return self.inner.catch_up(feedback, now_ns)
 
     def next_tick_ns(self) -> int | None:
-        """The fuser's next epoch."""
-        return self.inner.next_tick_ns()
+        """The fuser's next epoch; none while no state can be made of its belief."""
+        return None if self._broken else self.inner.next_tick_ns()
 
     def step(self, message: Message, now_ns: int) -> Iterator[Output]:
         """Take what the fuser takes, and what was voted."""
@@ -76,7 +77,7 @@ class CandidateNode(Node):
 
     def _proposed(self, outputs: Iterable[Output], now_ns: int) -> Iterator[Output]:
         state: FusedState | None = None
-        for output in outputs:
+        for output in self._computed(outputs):
             message = output.message
             if isinstance(message, Feedback) and state is not None:
                 yield from self._candidate(state, message, now_ns)
@@ -92,6 +93,13 @@ class CandidateNode(Node):
         if state is not None:
             yield from self._candidate(state, None, now_ns)
 
+    def _computed(self, outputs: Iterable[Output]) -> Iterator[Output]:
+        """What the fuser says, until no valid message can be made of its belief any more."""
+        try:
+            yield from outputs
+        except (ValueError, ArithmeticError) as error:
+            self._broken = str(error).splitlines()[0]
+
     def _candidate(self, state: FusedState, feedback: Feedback | None, now_ns: int) -> Iterator[Output]:
         at = state.measured_at_ns
         if at <= self._proposed_ns:
@@ -105,6 +113,10 @@ class CandidateNode(Node):
         yield Output("candidate", self.unit, candidate)
 
     def _compare(self, voted: FusedState | Feedback, now_ns: int) -> Iterator[Output]:
+        if self._broken:
+            if isinstance(voted, Feedback) and self.inner.catch_up(voted, now_ns):
+                yield self._again(f"its belief cannot be computed with ({self._broken})", now_ns)
+            return
         own = self._own.get(voted.measured_at_ns)
         if own is None:
             return
@@ -118,6 +130,8 @@ class CandidateNode(Node):
             return
         self._contradicted += 1
         if self._contradicted >= self._patience and self.inner.catch_up(voted, now_ns):
-            self._contradicted, self._patience = 0, min(2 * self._patience, LONGEST_PATIENCE)
-            text = f"{self.unit}: begins again from what was voted, which it contradicts ({how})"
-            yield self.event("warning", "fuser_began_again", text, now_ns)
+            yield self._again(f"it contradicts that ({how})", now_ns)
+
+    def _again(self, why: str, now_ns: int) -> Output:
+        self._broken, self._contradicted, self._patience = "", 0, min(2 * self._patience, LONGEST_PATIENCE)
+        return self.event("warning", "fuser_began_again", f"{self.unit}: begins again from what was voted: {why}", now_ns)
