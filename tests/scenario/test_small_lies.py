@@ -16,7 +16,6 @@ from milepost.simulation.faults import FaultEntry
 
 WHEEL = {"kind": "odometer", "rate_hz": 10.0, "pulses_per_turn": 100, "diameter_m": 0.85, "scale_std": 0.06}
 RADAR = {"kind": "janus_radar", "rate_hz": 10.0, "speed_variance_m2ps2": 0.04}
-READER = {"kind": "balise_reader", "read_std_m": 0.02, "latency_s": 0.01}
 PRIOR = {"position_m": 100.0, "speed_mps": 22.0, "acceleration_mps2": 0.0}
 STD = {"position_std_m": 0.5, "speed_std_mps": 0.1, "acceleration_std_mps2": 0.05}
 MOTION = {
@@ -49,14 +48,6 @@ def ride(folder: Path, seed: int, duration_s: float, units: dict[str, Any], **wo
     lie = {"unit": "radar", "kind": "scale", "factor": 1.006, "from_s": 5.0}
     simulate(loaded, duration_s, journey.tap, None, None, [TypeAdapter(FaultEntry).validate_python(lie)])
     return journey
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", [2, 3, 4, 5])
-def test_rows_that_hear_their_first_unit_later_know_how_far_the_train_went_meanwhile(tmp_path: Path, seed: int) -> None:
-    """The radar is heard before the wheels; without it, the way until then must not become a wheel's scale at a balise."""
-    journey = ride(tmp_path, seed, 100.0, {"balise-reader": READER})
-    assert journey.outside() == []
 
 
 @pytest.mark.slow

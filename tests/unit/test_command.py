@@ -125,7 +125,7 @@ main()
     ("words", "line"),
     [
         ("campaign", "campaign: FILE: required: campaign file, or the name of one: "),
-        ("run", "run: ROLE: required: one of router, world, sensor, filter, balise, fuser; see `milepost run --help`"),
+        ("run", "run: ROLE: required: one of router, world, sensor, filter, balise, fuser, voter; see `milepost run --help`"),
         ("run sensor", "run: UNIT: required: one of odometer-front, "),
         (
             "run sensr",

@@ -101,19 +101,6 @@ class BankKernel:
         x[waiting], P[waiting] = late.x[waiting], late.P[waiting]
         return state._replace(x=x, P=P, waiting=None)
 
-    def _began(self, state: Bank, rows: Flags) -> Bank:
-        """These rows hear their first reading, so long after the first one of all.
-
-        The prior was true at one of the two, or in between: the clock that was heard first may lie. So they
-        begin in the middle, with the variance of what is spread evenly over the way since then.
-        """
-        waited_s = state.waited_s
-        if waited_s <= 0.0 or not rows.any():
-            return state
-        x, P = self._stack.predict(state.x, state.P, *self._steps.over(0.5 * waited_s))
-        P[:, 0, 0] += (x[:, 1] * waited_s) ** 2 / 12.0
-        return state.moved(np.where(rows[:, None], x, state.x), np.where(rows[:, None, None], P, state.P))
-
     def take(self, state: Bank, observation: Observation) -> Bank:
         """All hypotheses after one observation, or after a whole reading."""
         unit, at_ns = observation.unit, observation.measured_at_ns
@@ -129,8 +116,6 @@ class BankKernel:
         counted_ns = at_ns if counts else verdict.counted_ns
         said = said_by(observation) if suspect and suspect.never_repeats else None
         state = state.judged(unit, verdict.told(said, memory, at_ns, counted_ns, gating, refused))
-        if rows and state.waiting is not None:
-            state = self._began(state, state.waiting & state.rows.uses(unit))
         learns = observation.reading is not None and unit in self._readings.learners
         for component, row in enumerate(rows):
             if learns:

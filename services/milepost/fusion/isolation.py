@@ -127,28 +127,29 @@ class Isolation:
             verdict = out.verdicts[unit]
             out = out.judged(unit, verdict._replace(excluded=None, relapses=max(0, verdict.relapses - 1)))
         if before.alive[0] and why.sudden:
-            for unit in units - old.excluded:
-                out = self._recalled(before, out, unit)
+            for unit in units:
+                out = self._recalled(before, out, unit, units - old.excluded)
         return self._noted(out, units - old.excluded, why, seen)
 
-    def _recalled(self, before: Bank, state: Bank, unit: str) -> Bank:
-        """A wheel that begins to slip keeps its diameter: each row takes it from the same row that still heard the wheel.
+    def _recalled(self, before: Bank, state: Bank, unit: str, slipping: Units) -> Bank:
+        """A wheel that begins to slip keeps its diameter: each row takes it from the same row that still heard `slipping`.
 
-        What a liar has taught a row so stays in the rows that heard the liar. Twice as uncertain as before, and without
-        correlation with the common states, which never heard the wheel.
+        What a liar has taught a row so stays in the rows that heard the liar. Without correlation with the common states, which
+        never heard the wheel, and of one that begins to slip twice as uncertain as before.
         """
         if unit not in self._priors or not self._doubts.by_unit[unit].slips:
             return state
         own = list(range(*self._priors[unit][0].indices(len(state.x[0]))))
+        more = 4.0 if unit in slipping else 1.0
         x, P = state.x.copy(), state.P.copy()
         for row, units in enumerate(state.rows.sets):
-            heard = before.rows.places.get(units - {unit})
+            heard = before.rows.places.get(units - slipping)
             if heard is None:
                 continue
             x[row, own] = before.x[heard, own]
             P[row, own, :] = 0.0
             P[row, :, own] = 0.0
-            P[np.ix_([row], own, own)] = 4.0 * before.P[heard][np.ix_(own, own)]
+            P[np.ix_([row], own, own)] = more * before.P[heard][np.ix_(own, own)]
         return state._replace(x=x, P=P)
 
     def _noted(self, state: Bank, units: Units, why: Exclusion, nu: list[float]) -> Bank:
