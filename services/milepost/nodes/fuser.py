@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
+from functools import cached_property
 
 import numpy as np
 
 from milepost.estimation.observation import FUTURE_NS, UNTIMELY, Observation
+from milepost.fusion.information_rule import InformationFusion
 from milepost.fusion.rule import Fused, LocalBelief
 from milepost.fusion.rules import RULES
 from milepost.track.line import Line
-from milepost_schemas import AbsoluteFix, Estimate, Feedback, FusedState, Gaussian, Message, Refused
+from milepost_schemas import AbsoluteFix, Estimate, Feedback, FusedState, Gaussian, Message, Refused, SnapshotPart
 
 from .base import Node, Output, Subscription
+from .catching_up.snapshot import Memory, Snapshots, resume
 from .decisions import Decisions, only_decided
 from .epochs import Epochs
 from .fuser_settings import FuserSettings
@@ -73,6 +76,29 @@ class FuserNode(Node):
         self._epochs.continue_from(feedback.measured_at_ns)
         self._roster.expect_from(feedback.measured_at_ns)
         return True
+
+    @cached_property
+    def _snapshots(self) -> Snapshots | None:
+        """None for a rule without a bank: its filters' next beliefs contain all that it knows."""
+        rule = self._rule
+        return Snapshots(self._settings, rule.estimator.kernel.rows) if isinstance(rule, InformationFusion) else None
+
+    def hand_over(self, now_ns: int) -> Iterator[SnapshotPart]:
+        """All that it knows of the train, from its first epoch on."""
+        kept = self._rule.kept() if self._epochs.next_ns is not None else None
+        if kept is None or self._snapshots is None:
+            return iter(())
+        known = self._epochs.times, self._roster.memory, self._writer.memory, self._decisions.memory, self._feedback
+        return self._snapshots.parts(Memory(*known, kept), now_ns)
+
+    def take_over(self, parts: Sequence[SnapshotPart], agreed: Feedback | None, now_ns: int) -> None:
+        """Continue from what a replica knows, hypotheses and all: from now on both settle to the same bits."""
+        if self._snapshots is None:
+            raise Refused("no_bank", f"the rule {self._settings.rule} has no bank")
+        memory = self._snapshots.opened(parts, now_ns)
+        resume(self._rule, memory.kept, agreed)
+        self._epochs.times, self._feedback = memory.times, memory.feedback
+        self._roster.memory, self._writer.memory, self._decisions.memory = memory.units, memory.passed, memory.reported
 
     def unit_alive(self, unit: str, alive: bool) -> None:
         """Note that a process's liveliness token appeared or was dropped."""
