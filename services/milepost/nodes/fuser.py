@@ -16,13 +16,13 @@ from milepost_schemas import AbsoluteFix, Estimate, Feedback, FusedState, Gaussi
 
 from .base import Node, Output, Subscription
 from .catching_up.snapshot import Memory, Snapshots, resume
-from .decisions import Decisions, only_decided
 from .epochs import Epochs
 from .fuser_settings import FuserSettings
 from .judgements import note_judgements
 from .observations import of_estimate, of_fix, whole_readings
 from .roster import UNKNOWN, Presence, Roster
-from .state_writer import StateWriter
+from .telling.decisions import Decisions, only_decided
+from .telling.state_writer import StateWriter
 
 INTERVAL = ("position_min_m", "position_max_m", "speed_min_mps", "speed_max_mps")
 

@@ -12,11 +12,11 @@ from milepost.estimation.observation import FUTURE_NS
 from milepost.estimation.time_units import NS_PER_S
 from milepost.estimation.timeline import Kept
 from milepost.fusion.rule import FusionRule
-from milepost.nodes.agreement import same_motion
-from milepost.nodes.decisions import Reported
+from milepost.nodes.catching_up.agreement import same_motion
 from milepost.nodes.epochs import BACKLOG_NS, Times
 from milepost.nodes.fuser_settings import FuserSettings
-from milepost.nodes.state_writer import Passed
+from milepost.nodes.telling.decisions import Reported
+from milepost.nodes.telling.state_writer import Passed
 from milepost.nodes.unit_record import UnitMemory
 from milepost_schemas import Feedback, Gaussian, Refused, SnapshotPart, unpack
 
@@ -26,8 +26,8 @@ from .knots import Knots
 
 # a train has moved on since
 OLDEST_NS = NS_PER_S
-# so many observations are one part: less than two milliseconds of a fuser's time
-KNOTS_A_PART = 100
+# so many observations are one part: half a millisecond of a fuser's time
+KNOTS_A_PART = 250
 # what numbers that fit in kind and size may still do to the arithmetic
 UNCOMPUTABLE = (ArithmeticError, AttributeError, LookupError, TypeError, ValueError)
 
@@ -96,13 +96,13 @@ class Snapshots:
     def _check_times(self, memory: Memory, taken_ns: int) -> None:
         """That everything has happened, and that the next epoch is due. Raises Misfit."""
         latest_ns, times, kept, horizon_ns = taken_ns + FUTURE_NS, memory.times, memory.kept, self._settings.horizon_ns
-        stated = [t for t in times if t is not None]
+        stated = [t for t in times._replace(epoch_ns=None, settled_ns=None) if t is not None]
         stated += [t for unit in memory.units.values() for t in (*unit.times[-1:], unit.arrived_ns, unit.received_ns)]
         stated += [t for t in (kept.base_ns, kept.base.since_ns) if t is not None] + [o.measured_at_ns for o in kept.knots]
         if any(t > latest_ns for t in stated):
             raise Misfit("something has not happened yet")
-        epoch_ns = times.epoch_ns
-        if epoch_ns is None or epoch_ns % self._settings.period_ns or abs(epoch_ns - taken_ns) > BACKLOG_NS:
+        epoch_ns, period_ns = times.epoch_ns, self._settings.period_ns
+        if epoch_ns is None or epoch_ns % period_ns or not -BACKLOG_NS - period_ns <= epoch_ns - taken_ns <= period_ns:
             raise Misfit("the next epoch is not due")
         if not -OLDEST_NS <= kept.boundary_ns - (taken_ns - horizon_ns) <= FUTURE_NS:
             raise Misfit("the settled boundary is elsewhere")

@@ -8,12 +8,11 @@ from typing import Any
 
 from milepost.fusion.integrity import interval
 from milepost.fusion.rule import Fused
+from milepost.nodes.roster import Presence
+from milepost.nodes.working_states import kind_of
 from milepost.track.line import Line
 from milepost_schemas import AbsoluteFix, FusedState
 from milepost_schemas.state import Status
-
-from .roster import Presence
-from .working_states import kind_of
 
 # of 95 % of a normal distribution
 ACCURACY_SIGMAS = 1.96

@@ -9,11 +9,10 @@ from milepost.estimation.time_units import S_PER_NS
 from milepost.fusion.hypotheses import MOTION_MODEL
 from milepost.fusion.rule import Fused
 from milepost.fusion.verdicts import Reset, Verdict
+from milepost.nodes.base import Severity
+from milepost.nodes.roster import Presence
+from milepost.nodes.working_states import GONE, LATE, NEVER_HEARD, SILENT, kind_of
 from milepost_schemas.state import SAYS_NOTHING
-
-from .base import Severity
-from .roster import Presence
-from .working_states import GONE, LATE, NEVER_HEARD, SILENT, kind_of
 
 # so long nothing may be heard of a unit at first
 PATIENCE_NS = 1_000_000_000
