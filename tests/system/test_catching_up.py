@@ -1,0 +1,113 @@
+"""A fuser that was killed and is back knows what the other one knew: a lie under way is not believed anew."""
+
+from __future__ import annotations
+
+import os
+import signal
+from collections import Counter
+from collections.abc import Iterator
+from itertools import pairwise
+
+import pytest
+
+from conftest import Outside, Stack, free_port, start
+from milepost.runtime.chaos import send_command
+
+TOP = "milepost/v1/full-1"
+STATE = f"{TOP}/state"
+LIAR = "radar-front"
+
+
+@pytest.fixture(scope="module")
+def full() -> Iterator[tuple[Stack, Outside]]:
+    stack, outside = start("deploy/trains/full.yaml", "--listen", f"tcp/127.0.0.1:{free_port()}")
+    try:
+        outside.wait_state(STATE, lambda m: m["status"] == "normal", 60.0, "a normal state")
+        outside.wait_for(lambda: all(outside.newest(f"{TOP}/health/{f}") for f in ("fuser", "fuser-2")), 30.0, "both fusers")
+        yield stack, outside
+    finally:
+        outside.close()
+        assert stack.stop() == 0, "".join(stack.errors)
+
+
+def excludes(state: dict) -> bool:
+    return any(entry["unit"] == LIAR for entry in state["excluded"])
+
+
+def other(fuser: str) -> str:
+    return "fuser-2" if fuser == "fuser" else "fuser"
+
+
+def killed(stack: Stack, fuser: str) -> None:
+    words = ("fuser",) if fuser == "fuser" else ("fuser", fuser)
+    os.kill(stack.pid_of(*words), signal.SIGKILL)
+
+
+def back(outside: Outside, fuser: str, before: str) -> None:
+    """Wait for the second health of a new instance of a fuser."""
+    health = f"{TOP}/health/{fuser}"
+
+    def found() -> bool:
+        return len([m for m in outside.messages(health) if m["instance"] != before]) >= 2
+
+    outside.wait_for(found, 30.0, f"{fuser} again")
+
+
+def test_a_standby_that_was_restarted_leads_on_without_the_liar(full: tuple[Stack, Outside]) -> None:
+    stack, outside = full
+    send_command(stack.endpoints, "full-1", LIAR, {"kind": "bias", "numbers": {"size": 2.0}, "words": {}, "flags": {}})
+    outside.wait_state(STATE, excludes, 20.0, f"{LIAR} excluded")
+    leader = outside.newest(STATE)["unit"]
+    standby = other(leader)
+    old = outside.newest(f"{TOP}/health/{standby}")["instance"]
+    killed(stack, standby)
+    back(outside, standby, old)
+    told = f"continuing with all that {leader} knew"
+    outside.wait_for(lambda: any(told in line for line in stack.errors), 5.0, "the log of the standby")
+
+    begun, events = len(outside.heard[STATE]) - 1, len(outside.messages(f"{TOP}/event"))
+    killed(stack, leader)
+    first = outside.wait_state(STATE, lambda m: m["unit"] == standby, 10.0, "a state of the standby")
+    outside.wait_state(STATE, lambda m: m["epoch"] > first["epoch"] + 150, 20.0, "three seconds more")
+    seen = [message for _, message in outside.heard[STATE][begun:]]
+    assert all(map(excludes, seen)), "the lie was believed anew"
+    epochs = [state["epoch"] for state in seen]
+    assert set(epochs) == set(range(epochs[0], epochs[-1] + 1)), "an epoch is missing"
+    assert max(Counter(epochs).values()) == 1, "an epoch was sent twice"
+    steps = [b["position_m"] - a["position_m"] for a, b in pairwise(seen)]
+    assert max(steps) - min(steps) < 0.1
+    assert not any(state["reset"] for state in seen)
+    truth = {m["measured_at_ns"]: m for m in outside.messages(f"{TOP}/@sim/truth")}
+    compared = [(m, truth[m["measured_at_ns"]]) for m in seen if m["measured_at_ns"] in truth]
+    assert compared
+    assert all(m["position_min_m"] <= t["position_m"] <= m["position_max_m"] for m, t in compared)
+    news = outside.messages(f"{TOP}/event")[events:]
+    assert not [event for event in news if event["code"] == "unit_excluded" and LIAR in event["text"]]
+    assert not [event for event in news if event["code"] == "snapshot_refused"]
+
+
+def test_a_forged_snapshot_moves_no_restarted_fuser(full: tuple[Stack, Outside]) -> None:
+    """A stranger who answers in the name of a replica, with garbage and sooner than it."""
+    stack, outside = full
+    leader = outside.newest(STATE)["unit"]
+    standby = other(leader)
+    asked: list[str] = []
+    key = f"{TOP}/@rpc/snapshot/{leader}"
+
+    def reply(query) -> None:
+        with query:
+            asked.append(str(query.selector))
+            query.reply(key, b"garbage")
+
+    queryable = outside.session.declare_queryable(key, reply)
+    try:
+        old = outside.newest(f"{TOP}/health/{standby}")["instance"]
+        killed(stack, standby)
+        back(outside, standby, old)
+    finally:
+        queryable.undeclare()
+    assert asked
+    killed(stack, leader)
+    outside.wait_state(STATE, lambda m: m["unit"] == standby, 10.0, "a state of the standby")
+    seen = outside.messages(STATE)[-10:]
+    assert all(map(excludes, seen))
