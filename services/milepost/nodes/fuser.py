@@ -85,11 +85,11 @@ class FuserNode(Node):
 
     def hand_over(self, now_ns: int) -> Iterator[SnapshotPart]:
         """All that it knows of the train, from its first epoch on."""
-        kept = self._rule.kept() if self._epochs.next_ns is not None else None
-        if kept is None or self._snapshots is None:
+        snapshots, kept = self._snapshots, self._rule.kept() if self._epochs.next_ns is not None else None
+        if kept is None or snapshots is None:
             return iter(())
         known = self._epochs.times, self._roster.memory, self._writer.memory, self._decisions.memory, self._feedback
-        return self._snapshots.parts(Memory(*known, kept), now_ns)
+        return snapshots.parts(Memory(*known, kept), now_ns)
 
     def take_over(self, parts: Sequence[SnapshotPart], agreed: Feedback | None, now_ns: int) -> None:
         """Continue from what a replica knows, hypotheses and all: from now on both settle to the same bits."""

@@ -22,7 +22,8 @@ class HandingOver:
         self._bus, self._node = bus, node
         self._key = rpc_key(bus.train, SNAPSHOT, name)
         self._query: Any = None
-        self._parts: Iterator[SnapshotPart] = iter(())
+        # asked once before anything is known, a node has made what it packs with: three milliseconds
+        self._parts: Iterator[SnapshotPart] = node.hand_over(0) if node.peers else iter(())
 
     @property
     def busy(self) -> bool:
