@@ -56,16 +56,17 @@ def back(outside: Outside, fuser: str, before: set[str]) -> None:
     outside.wait_for(found, 30.0, f"{fuser} again")
 
 
-def banks(outside: Outside) -> dict[str, tuple[int, object]]:
-    """The bank before the settled boundary of each fuser, and the time of its last observation."""
+Banks = dict[str, dict[int, object]]
+
+
+def note_banks(outside: Outside, found: Banks) -> None:
+    """Note each fuser's bank before the settled boundary, by the time of its last observation: it changes no more."""
     every = {"consolidation": zenoh.ConsolidationMode.NONE, "timeout": 5.0}
-    out = {}
     for reply in outside.session.get(f"{TOP}/@rpc/snapshot/*", **every):
-        part = msgpack.unpackb(reply.ok.payload.to_bytes())
+        part = msgpack.unpackb(reply.ok.payload.to_bytes()) if reply.ok is not None else {"part": None}
         if part["part"] == 0:
-            kept = msgpack.unpackb(part["content"])[-1]
-            out[str(reply.ok.key_expr).rpartition("/")[2]] = (kept[1], kept[0])
-    return out
+            bank, at_ns = msgpack.unpackb(part["content"])[-1][:2]
+            found[str(reply.ok.key_expr).rpartition("/")[2]][at_ns or 0] = bank
 
 
 def test_a_standby_that_was_restarted_settles_to_the_same_bits(full: tuple[Stack, Outside]) -> None:
@@ -73,15 +74,15 @@ def test_a_standby_that_was_restarted_settles_to_the_same_bits(full: tuple[Stack
     standby = other(outside.newest(STATE)["unit"])
     back(outside, standby, killed(stack, outside, standby))
     begun = outside.newest(STATE)["measured_at_ns"]
-    found: dict[str, tuple[int, object]] = {}
-
-    def same_moment() -> bool:
-        found.update(banks(outside))
-        times = {at for at, _ in found.values()}
-        return len(found) == 2 and len(times) == 1 and min(times) > begun
-
-    outside.wait_for(same_moment, 60.0, "banks of the same moment, after the restart")
-    assert found["fuser"] == found["fuser-2"]
+    found: Banks = {"fuser": {}, "fuser-2": {}}
+    common: list[int] = []
+    while not common:
+        epoch = outside.newest(STATE)["epoch"]
+        assert epoch * 20_000_000 < begun + 60_000_000_000, "no banks of the same moment after the restart"
+        outside.wait_state(STATE, lambda m, before=epoch: m["epoch"] > before + 20, 20.0, "0.4 s more")
+        note_banks(outside, found)
+        common = [at_ns for at_ns in found["fuser"] if at_ns > begun and at_ns in found["fuser-2"]]
+    assert found["fuser"][common[0]] == found["fuser-2"][common[0]]
 
 
 def test_a_standby_that_was_restarted_leads_on_without_the_liar(full: tuple[Stack, Outside]) -> None:
@@ -130,7 +131,13 @@ def test_a_forged_snapshot_moves_no_restarted_fuser(full: tuple[Stack, Outside])
     def reply(query) -> None:
         with query:
             asked.append(str(query.selector))
-            lie = {"fingerprint": "0", "taken_at_ns": time.time_ns(), "part": 0, "parts": 1, "content": b"garbage"}
+            lie = {
+                "fingerprint": "0",
+                "taken_at_ns": time.time_ns() + 400_000_000,
+                "part": 0,
+                "parts": 1,
+                "content": b"garbage",
+            }
             query.reply(key, msgpack.packb(lie))
 
     queryable = outside.session.declare_queryable(key, reply)
