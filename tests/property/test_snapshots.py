@@ -183,6 +183,33 @@ def test_a_belief_that_most_processes_contradict_is_refused() -> None:
     assert "contradicts" in refused(honest().parts, agreed).detail
 
 
+def test_a_train_without_feedback_has_nothing_to_compare_with() -> None:
+    asked = Asked(load_train(TRAINS / "maglev.yaml", {"fusion": {**SHORT, "feedback": False}}), 2.0)
+    assert asked.fuser.answer("latest_feedback") is None
+    taker = fuser(asked.train)
+    taker.take_over(asked.parts, None, asked.now_ns)
+    assert same(known_by(taker), known_by(asked.fuser))
+
+
+def test_a_rule_without_a_bank_hands_nothing_over() -> None:
+    asked = Asked(load_train(TRAINS / "beidou-maglev.yaml", {"fusion": {"rule": "federated"}}), 2.0)
+    assert asked.agreed
+    assert asked.parts == []
+    with pytest.raises(Refused, match="no bank"):
+        asked.fuser.take_over(honest().parts, None, asked.now_ns)
+
+
+def test_a_fuser_that_has_begun_no_epoch_hands_nothing_over() -> None:
+    assert list(fuser(honest().train).hand_over(honest().now_ns)) == []
+
+
+@pytest.mark.parametrize(("train", "peers"), [("full", ["fuser-2"]), ("full-2oo3", []), ("maglev", [])])
+def test_replicas_copy_each_other_and_fusers_with_a_voter_do_not(train: str, peers: list[str]) -> None:
+    live = load_train(TRAINS / f"{train}.yaml")
+    node = ROLES["fuser"].build(live, "fuser", Setting("test", live=True))
+    assert list(node.peers) == peers
+
+
 def content_of(part: SnapshotPart) -> Any:
     return msgpack.unpackb(part.content)
 
