@@ -75,12 +75,12 @@ class Runner:
                 if isinstance(item, Stop):
                     return
                 now_ns = clock.at(item.at_utc_ns) if isinstance(item, Received) else clock.now_ns()
-            begun = time.perf_counter()
+            begun, handing_over = time.perf_counter(), self._handing_over.busy
             if item is not None:
                 self._take(item, now_ns)
             if tick_ns is not None and now_ns >= tick_ns:
                 self._send(node.tick(now_ns))
-            if self._handing_over.busy:
+            if handing_over:
                 self._handing_over.next()
             self._meter.stepped(time.perf_counter() - begun)
             if now_ns >= self._health_ns:

@@ -25,10 +25,14 @@ class Misfit(ValueError):
 
 @dataclass(frozen=True)
 class Coder:
-    """The two ways of one kind of value. `unpack` raises Misfit for anything that `pack` cannot have made."""
+    """The two ways of one kind of value. `unpack` raises Misfit for anything that `pack` cannot have made.
+
+    `same`: values of this class are the same packed and unpacked.
+    """
 
     pack: Callable[[Any], Any]
     unpack: Callable[[Any], Any]
+    same: type | None = None
 
 
 def _checked(expected: type, value: Any) -> Any:
@@ -43,7 +47,7 @@ def plain(kind: type) -> Coder:
     def check(value: Any) -> Any:
         return _checked(kind, value)
 
-    return Coder(check, check)
+    return Coder(check, check, kind)
 
 
 def _pack_float(value: Any) -> Any:
@@ -56,7 +60,7 @@ def _unpack_float(value: Any) -> Any:
     return _checked(float, value)
 
 
-FLOAT = Coder(_pack_float, _unpack_float)
+FLOAT = Coder(_pack_float, _unpack_float, float)
 NONE, TEXT, INT, BOOL = plain(NoneType), plain(str), plain(int), plain(bool)
 
 
@@ -77,9 +81,14 @@ def either(*coders: Coder) -> Coder:
 
 def sequence(kind: type, item: Coder) -> Coder:
     """A list or tuple of one kind of values, as long as it likes."""
+
+    def each(way: Callable[[Any], Any], values: Any) -> Any:
+        # thousands of times and numbers are not looked at one by one
+        return values if set(map(type, values)) == {item.same} else map(way, values)
+
     return Coder(
-        lambda value: [item.pack(each) for each in _checked(kind, value)],
-        lambda value: kind(item.unpack(each) for each in _checked(list, value)),
+        lambda value: list(each(item.pack, _checked(kind, value))),
+        lambda value: kind(each(item.unpack, _checked(list, value))),
     )
 
 
