@@ -8,6 +8,7 @@ from .fault import FaultCommand
 from .health import Event, Health, Spread
 from .message import COMMON_STATES, Gaussian, Message, Part
 from .reading import BaliseTelegram, InertialReading, PositionReading, SpeedReading
+from .snapshot import MOST_PARTS, SnapshotPart
 from .state import BalisePassed, FusedState, SensorExcluded, SensorInUse, SimulationStart, Truth
 from .streams import BY_NAME, ROOT, STREAMS, Stream, alive_key, rpc_key, simulation_start_key
 
@@ -32,6 +33,7 @@ __all__ = [
     "InertialReading",
     "JudgedReading",
     "LinearObservation",
+    "MOST_PARTS",
     "Message",
     "Part",
     "PositionReading",
@@ -39,6 +41,7 @@ __all__ = [
     "SensorExcluded",
     "SensorInUse",
     "SimulationStart",
+    "SnapshotPart",
     "SpeedReading",
     "Spread",
     "Stream",

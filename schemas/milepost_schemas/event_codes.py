@@ -29,6 +29,7 @@ EVENT_CODES: tuple[EventCode, ...] = (
     EventCode("fix_refused", "warning", "a balise was read where the train cannot be"),
     EventCode("state_reset", "warning", "the state stepped, and why"),
     EventCode("epochs_skipped", "warning", "the fuser was stopped for more than a second"),
+    EventCode("snapshot_refused", "warning", "a restarted fuser does not use what another one knows, and why"),
     EventCode("fuser_outvoted", "error", "a fuser differed from two that agree in three epochs in a row: it has no vote"),
     EventCode("fuser_missing", "warning", "a fuser proposed nothing in three epochs in a row: it has no vote"),
     EventCode("fuser_readmitted", "info", "a fuser agreed with another one for the stated time: it has a vote again"),

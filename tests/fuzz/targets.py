@@ -34,7 +34,7 @@ from milepost.recordings.nmea import NmeaDecoder
 from milepost.recordings.ubx import UbxDecoder
 from milepost.sensors.odometer.calibration import Calibration, from_bytes, to_bytes
 from milepost.track.geojson import geojson_points
-from milepost_schemas import STREAMS, Part, Refused, SimulationStart, SpeedReading, decode, encode
+from milepost_schemas import STREAMS, Part, Refused, SimulationStart, SnapshotPart, SpeedReading, decode, encode
 from receivers import NMEA_LOG, UBX_LOG
 
 Reasons = tuple[str, ...]
@@ -209,6 +209,7 @@ CAMPAIGN = {
 }
 RESULT = {"key": "k", "train": "t", "seed": 1, "figures": {"violated": 0, "width_m": 1.5}}
 START = SimulationStart(start_ns=1_700_000_000_000_000_000, speed=1.0, end_ns=1_700_000_600_000_000_000)
+SNAPSHOT = SnapshotPart(fingerprint="f", taken_at_ns=1_700_000_000_000_000_000, part=0, parts=2, content=b"\x90")
 KEPT = Calibration("wheel", 0.85, 1.001, 0.0004, 1_700_000_000_000_000_000)
 
 TARGETS: dict[str, Target] = {
@@ -224,6 +225,7 @@ TARGETS: dict[str, Target] = {
             for row in STREAMS
         ),
         Target("simulation-start", partial(message, SimulationStart), (encode(START),), "msgpack", 0.5),
+        Target("snapshot-part", partial(message, SnapshotPart), (encode(SNAPSHOT),), "msgpack", 0.5),
         Target("nmea", partial(receiver, NmeaDecoder), (NMEA_LOG,), "nmea", 2.0),
         Target("ubx", partial(receiver, UbxDecoder), (UBX_LOG,), "ubx", 2.0),
         Target("csv-readings", csv_source, (WHEEL,), "text"),

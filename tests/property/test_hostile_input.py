@@ -181,7 +181,7 @@ def test_a_reading_that_cannot_be_used_is_not_awaited():
 
 def test_the_interval_holds_the_worst_location_accuracy_until_a_balise_is_known():
     from milepost.nodes.roster import Presence
-    from milepost.nodes.state_writer import StateWriter
+    from milepost.nodes.telling.state_writer import StateWriter
     from milepost.track.line import Balise, Line
 
     line = Line("l", 1e4, (Balise("a", 100.0, 0.1), Balise("b", 200.0, 12.0)), 0.5)

@@ -102,7 +102,11 @@ class Outside:
 
 def start(train: str, *options: str) -> tuple[Stack, Outside]:
     stack = Stack(train, *options)
-    outside = Outside(*stack.endpoints)
+    try:
+        outside = Outside(*stack.endpoints)
+    except zenoh.ZError:  # on a machine that is too busy: a train must not stay behind
+        stack.stop()
+        raise
     outside.listen("milepost/v1/**")
     outside.listen("milepost/v1/*/@sim/truth")
     outside.watch_tokens("milepost/v1/*/alive/**")

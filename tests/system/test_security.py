@@ -205,6 +205,20 @@ def test_a_process_cannot_show_anothers_token_nor_answer_for_it(secure: Secure) 
     secure.goes_on()
 
 
+def test_only_a_fuser_may_ask_for_all_that_a_fuser_knows(secure: Secure) -> None:
+    key = f"{TOP}/@rpc/snapshot/*"
+    with secure.open("filter-imu") as asking:
+        assert not [reply for reply in asking.get(key, timeout=2.0) if reply.ok is not None]
+        secure.said("access_refused", f"filter-imu may not ask {key}")
+    with secure.open("fuser-2") as asking:
+        every = {"consolidation": zenoh.ConsolidationMode.NONE, "timeout": 5.0}
+        samples = [reply.ok for reply in asking.get(key, **every) if reply.ok is not None]
+    parts = [msgpack.unpackb(sample.payload.to_bytes()) for sample in samples if str(sample.key_expr).endswith("/fuser")]
+    assert parts
+    assert {part["part"] for part in parts} == set(range(parts[0]["parts"]))
+    secure.goes_on()
+
+
 def test_a_certificate_for_a_name_that_nobody_knows_may_do_nothing(secure: Secure) -> None:
     Authority.load(secure.pki).issue(secure.pki / "stranger-issued", "stranger", 1.0)
     folder = secure.impostor("stranger", (secure.pki / "stranger-issued" / IDENTITY).read_bytes())

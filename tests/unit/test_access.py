@@ -112,6 +112,25 @@ def test_only_a_process_that_remembers_answers_for_the_fused_state() -> None:
     ]
 
 
+def test_only_replicas_ask_each_other_for_all_that_a_fuser_knows() -> None:
+    key = f"{TOP}/@rpc/snapshot"
+    for name in (each.name for each in accesses(FULL)):
+        replica = name in ("fuser", "fuser-2")
+        assert allowed(name, "ingress", "query", f"{key}/*") == replica
+        assert allowed(name, "egress", "query", f"{key}/*") == replica
+        assert allowed(name, "egress", "reply", f"{key}/fuser") == replica
+        for answering in ("fuser", "fuser-2"):
+            assert allowed(name, "ingress", "declare_queryable", f"{key}/{answering}") == (name == answering)
+            assert allowed(name, "ingress", "reply", f"{key}/{answering}") == (name == answering)
+
+
+@pytest.mark.parametrize("train", ["maglev", "full-2oo3"])
+def test_nobody_asks_for_it_where_there_is_one_fuser_or_a_voter(train: str) -> None:
+    control = json.dumps(access_control(load_train(TRAINS / f"{train}.yaml")))
+    assert "latest_feedback" in control
+    assert "snapshot" not in control
+
+
 @pytest.mark.parametrize("path", sorted(TRAINS.glob("*.yaml")), ids=lambda path: path.stem)
 def test_every_shipped_train_has_one(path: Path) -> None:
     try:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from examples import T0, head
-from milepost.nodes.agreement import most_agreed, most_told
+from milepost.nodes.catching_up.agreement import most_agreed, most_told
 from milepost_schemas import Feedback, Gaussian, SimulationStart
 
 KNOWN = ("fuser", "filter-a", "filter-b", "filter-c", "filter-d")

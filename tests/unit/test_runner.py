@@ -11,6 +11,7 @@ from typing import Any
 
 import msgpack
 import pytest
+import zenoh
 
 from examples import examples_of, head
 from milepost.nodes.base import Node, Output, Subscription
@@ -19,7 +20,7 @@ from milepost.runtime.clock import Clock
 from milepost.runtime.instances import OVERLAP_S, Token, lasting_others, live_tokens, second_instances
 from milepost.runtime.runner import Runner
 from milepost.runtime.scenario_time import wait_for_processes
-from milepost_schemas import BY_NAME, Event, Feedback, Health, Message, SpeedReading, decode, encode, rpc_key
+from milepost_schemas import BY_NAME, Event, Feedback, Health, Message, SnapshotPart, SpeedReading, decode, encode, rpc_key
 
 TRAIN = "maglev-1"
 MS = 1_000_000
@@ -198,6 +199,32 @@ def test_a_question_is_answered_with_the_newest_that_has_come(bench: Bench) -> N
     bench.session.put(BY_NAME["feedback"].key_for(TRAIN), encode(said))
     (reply,) = bench.session.get(rpc_key(TRAIN, "latest_feedback"))
     assert msgpack.unpackb(reply.ok.payload.to_bytes())["sequence"] == said.sequence
+
+
+def test_what_is_handed_over_goes_out_in_parts_between_the_steps(bench: Bench) -> None:
+    """GIVEN a question whose parts wait for readings WHEN another one comes meanwhile THEN only the first is answered."""
+    going_on = threading.Event()
+
+    def parts(now_ns: int) -> Iterator[SnapshotPart]:
+        for part in range(3):
+            assert part == 0 or going_on.wait(5.0)
+            yield SnapshotPart(fingerprint="f", taken_at_ns=max(1, now_ns), part=part, parts=3, content=b"x" * 100_000)
+
+    bench.node.peers, bench.node.hand_over = ["sensor-other"], parts  # type: ignore[method-assign]
+    bench.bus.serve("snapshot", "sensor-radar")
+    bench.run()
+    every = {"consolidation": zenoh.ConsolidationMode.NONE, "timeout": 5.0}
+    first = bench.session.get(rpc_key(TRAIN, "snapshot"), **every)
+    begun = decode(first.recv().ok.payload.to_bytes(), SnapshotPart)
+    second = bench.session.get(rpc_key(TRAIN, "snapshot"), **every)
+    going_on.set()
+    rest = [decode(reply.ok.payload.to_bytes(), SnapshotPart) for reply in first]
+    assert [part.part for part in (begun, *rest)] == [0, 1, 2]
+    assert {part.taken_at_ns for part in rest} == {begun.taken_at_ns}
+    late = [decode(reply.ok.payload.to_bytes(), SnapshotPart) for reply in second]
+    assert late == [] or {part.taken_at_ns for part in late} != {begun.taken_at_ns}
+    bench.put(encode(reading(1)))
+    assert bench.next(Event).text == "reading 1"
 
 
 def test_a_second_instance_is_an_error_once_and_so_is_its_end_told(bench: Bench) -> None:

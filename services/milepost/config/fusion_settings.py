@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import hashlib
 import math
+import sys
+from functools import cache
 
 import numpy as np
 
@@ -16,8 +19,12 @@ from milepost.nodes.judges import UnitJudge
 from milepost.nodes.unit_record import UnitRow
 from milepost_schemas import BY_NAME
 
+from .shipped_files import PACKAGE
 from .train import Train
 from .train_file import BySpeedFile
+
+# the packages whose sources make a fuser's figures
+COMPUTING = ("estimation", "fusion", "nodes", "sensors", "track")
 
 
 def full_layout(train: Train) -> Layout:
@@ -72,7 +79,24 @@ def fuser_settings(train: Train) -> FuserSettings:
         units=rows,
         judges=judges,
         doubts=doubts(train),
+        fingerprint=fingerprint(train),
     )
+
+
+def fingerprint(train: Train) -> str:
+    """A hash of all that a fuser's figures depend on: train file, line, sources, versions of Python and numpy."""
+    # where the line's file lies, and what the simulated train does, does not matter
+    stated = {name: value for name, value in train.file if name not in ("line", "world", "chaos")}
+    return hashlib.sha256(f"{_code()} {train.line.content_hash} {stated}".encode()).hexdigest()
+
+
+@cache
+def _code() -> str:
+    whole = hashlib.sha256(f"{sys.version_info[:2]} {np.__version__}".encode())
+    for room in COMPUTING:
+        for path in sorted((PACKAGE / room).rglob("*.py")):
+            whole.update(path.read_bytes())
+    return whole.hexdigest()
 
 
 def _judge(train: Train, unit: str) -> UnitJudge | None:

@@ -20,7 +20,7 @@ from .motion import full_process_noise, full_transition
 from .observation import Observation
 from .scalar import ScalarKernel
 from .scalar_private import PrivateScalarKernel
-from .timeline import Counters, Timeline
+from .timeline import Counters, Kept, Timeline
 
 
 @dataclass(frozen=True)
@@ -135,6 +135,14 @@ class Estimator:
     def start_from(self, at_ns: int, mean: Array, covariance: Array) -> None:
         """Continue from a belief at a time, which contains all observations until then."""
         self._timeline.rebase(at_ns, self.kernel.pack(mean, covariance))
+
+    def resume(self, kept: Kept) -> None:
+        """Continue from what another timeline holds; computed to its end first, so that a failure changes nothing."""
+        resumed = Timeline.resumed(self.kernel, self._timeline.horizon_ns, kept)
+        if resumed.latest_ns is not None:
+            resumed.state_at(resumed.latest_ns)
+        resumed.counters = self._timeline.counters
+        self._timeline = resumed
 
     def accept_feedback(
         self, at_ns: int, mean: Sequence[float] | Array, covariance: Sequence[Sequence[float]] | Array, share: float

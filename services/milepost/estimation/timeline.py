@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 from .observation import Identity, Observation, Place, rank, untimely
 from .time_units import S_PER_NS
@@ -34,6 +34,17 @@ class Counters:
     rewinds: int = 0
     replayed: int = 0
     refused: dict[str, int] = field(default_factory=dict)
+
+
+class Kept(NamedTuple):
+    """What a timeline holds: the belief before the knots and its time, and the identities seen that are no knots' any more."""
+
+    base: Any
+    base_ns: int | None
+    rebased: bool
+    boundary_ns: int
+    absorbed: frozenset[Identity]
+    knots: tuple[Observation, ...]
 
 
 class Timeline:
@@ -132,6 +143,30 @@ class Timeline:
         self._base, self._base_ns, self._rebased = state, at_ns, True
         self._states = [None] * len(self._knots)
         self._valid = 0
+
+    def kept(self) -> Kept:
+        """All that later beliefs depend on; the base is the belief after the last knot before the settled boundary.
+
+        So a timeline that continues from it takes the same steps, and comes to the same bits.
+        """
+        place = self._count_until(self._boundary_ns - 1)
+        base, base_ns, rebased = self._base, self._base_ns, self._rebased
+        if place:
+            self._replay(place)
+            base, base_ns, rebased = self._states[place - 1], self._keys[place - 1][0], False
+        knots = tuple(self._knots[place:])
+        absorbed = {identity for identity in self._seen if identity.measured_at_ns >= self._boundary_ns}
+        return Kept(base, base_ns, rebased, self._boundary_ns, frozenset(absorbed - {o.identity for o in knots}), knots)
+
+    @classmethod
+    def resumed(cls, kernel: Kernel, horizon_ns: int, kept: Kept) -> Timeline:
+        """A timeline that continues from what another one holds; its knots are in order."""
+        out = cls(kernel, kept.base, horizon_ns)
+        out._base_ns, out._rebased, out._boundary_ns = kept.base_ns, kept.rebased, kept.boundary_ns
+        out._knots, out._keys = list(kept.knots), [o.place for o in kept.knots]
+        out._states = [None] * len(kept.knots)
+        out._seen = {*kept.absorbed, *(o.identity for o in kept.knots)}
+        return out
 
     def state_at(self, at_ns: int) -> Any | None:
         """The belief at a time, from all observations until then; None before the base. A side branch: it adds no knot."""

@@ -13,7 +13,7 @@ from milepost.estimation.observation import Observation
 from .bank_state import CHANNELS, Bank, Channel
 from .evidence import REPEATS, Flags, extended
 from .finding import Finding
-from .hypotheses import MOTION_MODEL, NOBODY, Doubts
+from .hypotheses import MOTION_MODEL, NOBODY, Doubts, Rows, Units
 from .isolation import Isolation
 from .readings import Judge, Linear, Readings, said_by
 from .stack import Stack
@@ -67,6 +67,10 @@ class BankKernel:
             since_ns=since_ns,
             waiting=np.ones(H, dtype=bool) if since_ns is None else None,
         )
+
+    def rows(self, excluded: Units, alternatives: frozenset[Units], blamed: Units) -> Rows:
+        """The rows that follow from what is excluded, what explains it otherwise, and what was blamed."""
+        return self._isolation.rows(excluded, alternatives, blamed)
 
     def unpack(self, state: Bank) -> tuple[Array, Array]:
         """The mean (n) and covariance (n, n) of the leading hypothesis."""

@@ -14,7 +14,7 @@ from milepost.estimation.layout import COMMON, Array, Layout
 from milepost.estimation.motion import transition
 from milepost.estimation.observation import Identity, Observation, Place, untimely
 from milepost.estimation.time_units import S_PER_NS
-from milepost.estimation.timeline import Counters
+from milepost.estimation.timeline import Counters, Kept
 
 from .federated import fuse
 from .hypotheses import Doubts
@@ -88,6 +88,13 @@ class FederatedFusion:
 
     def start_from(self, at_ns: int, mean: Array, covariance: Array) -> None:
         """Nothing to do: the filters' beliefs contain it."""
+
+    def kept(self) -> Kept | None:
+        """Nothing: the filters' next beliefs contain it."""
+        return None
+
+    def resume(self, kept: Kept) -> None:
+        """Nothing to do."""
 
     def state_at(self, at_ns: int, shares: Mapping[str, float]) -> Fused | None:
         """Equations (12)-(13) over the reporting units, then the update by the waiting fixes."""

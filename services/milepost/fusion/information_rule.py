@@ -8,6 +8,7 @@ from typing import ClassVar
 from milepost.estimation.estimator import Estimator, Prior
 from milepost.estimation.layout import Array, Layout
 from milepost.estimation.observation import Observation
+from milepost.estimation.timeline import Kept
 
 from .bank import BankKernel
 from .bank_state import Bank, protected
@@ -60,6 +61,14 @@ class InformationFusion:
     def start_from(self, at_ns: int, mean: Array, covariance: Array) -> None:
         """Continue from an earlier fused state."""
         self.estimator.start_from(at_ns, mean, covariance)
+
+    def kept(self) -> Kept | None:
+        """The bank before the settled boundary, and the observations since."""
+        return self.estimator.timeline.kept()
+
+    def resume(self, kept: Kept) -> None:
+        """Continue from what another fuser of this train holds. Where that cannot be computed, nothing changes."""
+        self.estimator.resume(kept)
 
     def state_at(self, at_ns: int, shares: Mapping[str, float]) -> Fused | None:  # noqa: ARG002
         """The belief over all states from all observations until then."""

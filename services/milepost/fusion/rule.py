@@ -7,7 +7,7 @@ from typing import ClassVar, NamedTuple, Protocol
 
 from milepost.estimation.layout import Array
 from milepost.estimation.observation import Observation
-from milepost.estimation.timeline import Counters
+from milepost.estimation.timeline import Counters, Kept
 
 from .hypotheses import Doubts
 from .readings import Judge
@@ -56,7 +56,8 @@ class Fused(NamedTuple):
 class FusionRule(Protocol):
     """The interface of a fusion rule. `take_...` return the reason for a refusal, None where an observation is accepted.
 
-    `needs_shares`: whether the fused state depends on the shares.
+    `needs_shares`: whether the fused state depends on the shares. `kept`: all that its states depend on, for a replica that
+    `resume`s from it; None where there is nothing to be handed over.
     """
 
     needs_shares: ClassVar[bool]
@@ -68,5 +69,7 @@ class FusionRule(Protocol):
     ) -> list[str | None]: ...
     def take_fix(self, fix: Observation, now_ns: int) -> str | None: ...
     def start_from(self, at_ns: int, mean: Array, covariance: Array) -> None: ...
+    def kept(self) -> Kept | None: ...
+    def resume(self, kept: Kept) -> None: ...
     def state_at(self, at_ns: int, shares: Mapping[str, float]) -> Fused | None: ...
     def advance_to(self, now_ns: int) -> None: ...

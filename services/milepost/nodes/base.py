@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal, NamedTuple
 
-from milepost_schemas import Event, Feedback, Message
+from milepost_schemas import Event, Feedback, Message, Refused, SnapshotPart
 
 Severity = Literal["info", "warning", "error"]
 
@@ -50,6 +50,8 @@ class Node:
     subscriptions: Sequence[Subscription] = ()
     # whether it answers `latest_feedback`, and asks for it after a restart
     remembers = False
+    # the processes that know all that it knows: it answers their `snapshot`, and asks for theirs after a restart
+    peers: Sequence[str] = ()
     # whether it follows which processes of the train are there
     watches_processes = False
 
@@ -88,6 +90,17 @@ class Node:
     def catch_up(self, feedback: Feedback, now_ns: int) -> bool:  # noqa: ARG002
         """After a restart, continue from the feedback that a running process still has. Returns whether it was used."""
         return False
+
+    def hand_over(self, now_ns: int) -> Iterator[SnapshotPart]:  # noqa: ARG002
+        """All that it knows, for a peer that was restarted: each part takes its time when it is asked for."""
+        return iter(())
+
+    def take_over(self, parts: Sequence[SnapshotPart], agreed: Feedback | None, now_ns: int) -> None:  # noqa: ARG002
+        """After a restart, continue from a peer's snapshot, if it agrees with what most processes remember.
+
+        Raises Refused where it is not to be used; then nothing has changed.
+        """
+        raise Refused("snapshot", "nothing is taken over here")
 
     def continue_numbering(self, earlier: Node) -> None:
         """Continue the sequence numbers of the node that this one replaces: an instance may not use a number twice."""

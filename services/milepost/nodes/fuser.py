@@ -2,29 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
+from functools import cached_property
 
 import numpy as np
 
 from milepost.estimation.observation import FUTURE_NS, UNTIMELY, Observation
+from milepost.fusion.information_rule import InformationFusion
 from milepost.fusion.rule import Fused, LocalBelief
 from milepost.fusion.rules import RULES
 from milepost.track.line import Line
-from milepost_schemas import AbsoluteFix, Estimate, Feedback, FusedState, Gaussian, Message, Refused
+from milepost_schemas import AbsoluteFix, Estimate, Feedback, FusedState, Gaussian, Message, Refused, SnapshotPart
 
 from .base import Node, Output, Subscription
-from .decisions import Decisions, only_decided
+from .catching_up.snapshot import Memory, Snapshots, resume
+from .epochs import Epochs
 from .fuser_settings import FuserSettings
 from .judgements import note_judgements
 from .observations import of_estimate, of_fix, whole_readings
 from .roster import UNKNOWN, Presence, Roster
-from .state_writer import StateWriter
+from .telling.decisions import Decisions, only_decided
+from .telling.state_writer import StateWriter
 
-# live epochs older than this are skipped
-BACKLOG_NS = 1_000_000_000
 INTERVAL = ("position_min_m", "position_max_m", "speed_min_mps", "speed_max_mps")
-# how long the first epoch waits for units without any reading
-HOLD_NS = 1_000_000_000
 
 
 class FuserNode(Node):
@@ -52,12 +52,7 @@ class FuserNode(Node):
         self._orders = {row.unit: row.order for row in settings.units}
         self._writer = StateWriter(line, settings.period_ns, settings.sigmas, settings.lost_above_m)
         self._feedback: Feedback | None = None
-        self._earliest_ns: int | None = None
-        self._first_heard_ns: int | None = None
-        self._latest_ns = 0
-        self._epoch_ns: int | None = None
-        self._settled_ns: int | None = None
-        self._resumed_ns = 0
+        self._epochs = Epochs(settings.period_ns)
         # where the rule needs the shares for its state, they follow from the state of the epoch before
         self._prior_mps = float(settings.prior.mean[1])
         self._fused_before: Fused | None = None
@@ -78,10 +73,32 @@ class FuserNode(Node):
             return False
         mean, covariance = np.array(feedback.fused.mean), np.array(feedback.fused.covariance)
         self._rule.start_from(feedback.measured_at_ns, mean, covariance)
-        self._earliest_ns = self._latest_ns = self._resumed_ns = feedback.measured_at_ns
-        self._epoch_ns = feedback.measured_at_ns + self._settings.period_ns
+        self._epochs.continue_from(feedback.measured_at_ns)
         self._roster.expect_from(feedback.measured_at_ns)
         return True
+
+    @cached_property
+    def _snapshots(self) -> Snapshots | None:
+        """None for a rule without a bank: its filters' next beliefs contain all that it knows."""
+        rule = self._rule
+        return Snapshots(self._settings, rule.estimator.kernel.rows) if isinstance(rule, InformationFusion) else None
+
+    def hand_over(self, now_ns: int) -> Iterator[SnapshotPart]:
+        """All that it knows of the train, from its first epoch on."""
+        snapshots, kept = self._snapshots, self._rule.kept() if self._epochs.next_ns is not None else None
+        if kept is None or snapshots is None:
+            return iter(())
+        known = self._epochs.times, self._roster.memory, self._writer.memory, self._decisions.memory, self._feedback
+        return snapshots.parts(Memory(*known, kept), now_ns)
+
+    def take_over(self, parts: Sequence[SnapshotPart], agreed: Feedback | None, now_ns: int) -> None:
+        """Continue from what a replica knows, hypotheses and all: from now on both settle to the same bits."""
+        if self._snapshots is None:
+            raise Refused("no_bank", f"the rule {self._settings.rule} has no bank")
+        memory = self._snapshots.opened(parts, now_ns)
+        resume(self._rule, memory.kept, agreed)
+        self._epochs.times, self._feedback = memory.times, memory.feedback
+        self._roster.memory, self._writer.memory, self._decisions.memory = memory.units, memory.passed, memory.reported
 
     def unit_alive(self, unit: str, alive: bool) -> None:
         """Note that a process's liveliness token appeared or was dropped."""
@@ -93,20 +110,21 @@ class FuserNode(Node):
             yield from self._take_estimate(message, now_ns)
         elif isinstance(message, AbsoluteFix):
             yield from self._take_fix(message, now_ns)
-        yield from self._epochs(now_ns)
+        yield from self._publish_ready(now_ns)
 
     def tick(self, now_ns: int) -> Iterable[Output]:
         """Publish the epochs whose time or deadline has come."""
         self._rule.advance_to(now_ns)
         self._roster.forget(now_ns - self._settings.horizon_ns)
-        yield from self._epochs(now_ns)
+        yield from self._publish_ready(now_ns)
 
     def next_tick_ns(self) -> int | None:
         """The next epoch, or the deadline of one that is waiting."""
-        if self._epoch_ns is None:
+        epoch_ns = self._epochs.next_ns
+        if epoch_ns is None:
             return None
-        missing = self._roster.awaited(self._roster.missing(self._epoch_ns))
-        return self._epoch_ns + self._settings.deadline_ns if missing else self._epoch_ns
+        missing = self._roster.awaited(self._roster.missing(epoch_ns))
+        return epoch_ns + self._settings.deadline_ns if missing else epoch_ns
 
     def _take_estimate(self, estimate: Estimate, now_ns: int) -> Iterable[Output]:
         order = self._orders.get(estimate.unit)
@@ -160,38 +178,22 @@ class FuserNode(Node):
             yield from self.refuse_reading(observation.unit, observation.sequence, observation.instance, reason, now_ns)
             return
         self._roster.arrived(observation.unit, at, now_ns)
-        self._earliest_ns = at if self._earliest_ns is None else min(self._earliest_ns, at)
-        self._latest_ns = max(self._latest_ns, at)
-        if self._epoch_ns is None and self._may_begin(now_ns):
-            self._epoch_ns = self._grid(max(self._earliest_ns, now_ns - self._settings.period_ns))
+        self._epochs.observed(at, self._roster.all_heard, now_ns)
 
-    def _may_begin(self, now_ns: int) -> bool:
-        """Whether every unit has been heard, or a second has passed since the first.
-
-        The prior sits at the earliest observation: a state that is sent before this observation has come would be wrong.
-        """
-        self._first_heard_ns = self._first_heard_ns or now_ns
-        return self._roster.all_heard() or now_ns - self._first_heard_ns >= HOLD_NS
-
-    def _grid(self, at_ns: int) -> int:
-        period = self._settings.period_ns
-        return -(-at_ns // period) * period
-
-    def _epochs(self, now_ns: int) -> Iterator[Output]:
-        deadline = self._settings.deadline_ns
-        if self._epoch_ns is not None and now_ns - self._epoch_ns > BACKLOG_NS:
-            skipped = (now_ns - self._epoch_ns) // self._settings.period_ns
-            self._epoch_ns = self._grid(now_ns)
+    def _publish_ready(self, now_ns: int) -> Iterator[Output]:
+        epochs, deadline = self._epochs, self._settings.deadline_ns
+        skipped = epochs.skipped(now_ns)
+        if skipped:
             yield self.event("warning", "epochs_skipped", f"{skipped} epochs were too old and were not sent", now_ns)
-        while self._epoch_ns is not None and self._epoch_ns <= now_ns:
-            missing = self._roster.missing(self._epoch_ns)
+        while (epoch_ns := epochs.next_ns) is not None and epoch_ns <= now_ns:
+            missing = self._roster.missing(epoch_ns)
             waiting = self._roster.awaited(missing)
-            if waiting and now_ns < self._epoch_ns + deadline:
+            if waiting and now_ns < epoch_ns + deadline:
                 return
             for unit in waiting:
                 self._roster.missed_deadline(unit)
-            yield from self._publish(self._epoch_ns, missing, now_ns)
-            self._epoch_ns += self._settings.period_ns
+            yield from self._publish(epoch_ns, missing, now_ns)
+            epochs.sent(epoch_ns)
 
     def _fuse(self, epoch_ns: int, live: bool, before: Fused | None) -> tuple[Fused, Presence] | None:
         """An epoch's fused state and its units; None before the first observation. `before`: the state of the epoch before."""
@@ -214,7 +216,7 @@ class FuserNode(Node):
         self._fused_before = fused
         for severity, code, text in self._decisions.news(fused, presence, epoch_ns):
             yield self.event(severity, code, text, now_ns)
-        since_ns = max(fused.since_ns, self._resumed_ns)
+        since_ns = max(fused.since_ns, self._epochs.times.resumed_ns)
         head = self.head("state", epoch_ns, now_ns)
         state = self._writer.write(head, fused, presence, since_ns, missing, settled=False)
         yield Output("state", "", state)
@@ -231,20 +233,12 @@ class FuserNode(Node):
         Call it before the step at `now_ns`: the step may fold observations that these epochs need. The sequence is the
         epoch's number and the times are the epoch's, so that equal observations give equal messages.
         """
-        if self._earliest_ns is None:
-            return
         horizon, period = self._settings.horizon_ns, self._settings.period_ns
-        if self._settled_ns is None:
-            if now_ns is not None and self._earliest_ns >= now_ns - horizon:
-                return
-            self._settled_ns = self._grid(self._earliest_ns)
-        while self._settled_ns < now_ns - horizon if now_ns is not None else self._settled_ns <= self._latest_ns:
-            at = self._settled_ns
-            self._settled_ns += period
+        while (at := self._epochs.next_settled(horizon, now_ns)) is not None:
             made = self._fuse(at, False, self._settled_before)
             if made is not None:
                 self._settled_before, presence = made
                 head = {"train": self.train, "unit": self.unit, "instance": "settled", "sequence": at // period}
                 head |= {"measured_at_ns": at, "published_at_ns": at + horizon}
-                since_ns = max(self._settled_before.since_ns, self._resumed_ns)
+                since_ns = max(self._settled_before.since_ns, self._epochs.times.resumed_ns)
                 yield self._writer.write(head, self._settled_before, presence, since_ns, [], settled=True)

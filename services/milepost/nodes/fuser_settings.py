@@ -19,7 +19,7 @@ class FuserSettings:
     """The settings of fusion in a train file; `sigmas` and `lost_above_m` as in `state_writer`.
 
     `judges`: the units whose readings are linearised and judged here instead of in their filters. `doubts`: which units may
-    be lying, and how much risk is accepted.
+    be lying, and how much risk is accepted. `fingerprint`: fusers of the same one compute the same.
     """
 
     rule: str
@@ -37,3 +37,4 @@ class FuserSettings:
     units: list[UnitRow]
     judges: Mapping[str, UnitJudge] = field(default_factory=dict)
     doubts: Doubts = field(default_factory=Doubts)
+    fingerprint: str = ""

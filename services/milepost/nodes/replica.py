@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 
 from milepost.estimation.observation import FUTURE_NS
-from milepost_schemas import Feedback, FusedState, Message
+from milepost_schemas import Feedback, FusedState, Message, SnapshotPart
 
 from .base import Node, Output, Subscription
 
@@ -110,6 +110,7 @@ class ReplicaNode(Node):
         self.inner = inner
         self.refusals = inner.refusals
         self.subscriptions = [*inner.subscriptions, Subscription("state")]
+        self.peers = [name for name in replicas if name != inner.unit]
         self._lead = Lead(inner.unit, replicas, period_ns, deadline_ns)
         self._held: list[Output] = []
         self._said_ns = 0
@@ -132,6 +133,14 @@ class ReplicaNode(Node):
     def catch_up(self, feedback: Feedback, now_ns: int) -> bool:
         """Continue from a running process's feedback."""
         return self.inner.catch_up(feedback, now_ns)
+
+    def hand_over(self, now_ns: int) -> Iterator[SnapshotPart]:
+        """What the fuser knows."""
+        return self.inner.hand_over(now_ns)
+
+    def take_over(self, parts: Sequence[SnapshotPart], agreed: Feedback | None, now_ns: int) -> None:
+        """Continue from what another replica knows. Which of them speaks does not change."""
+        self.inner.take_over(parts, agreed, now_ns)
 
     def next_tick_ns(self) -> int | None:
         """The fuser's next epoch."""

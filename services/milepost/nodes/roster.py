@@ -12,7 +12,7 @@ from milepost.fusion.hypotheses import MOTION_MODEL
 from milepost.fusion.shares import Shares
 from milepost.fusion.verdicts import Verdict
 
-from .unit_record import UnitRecord, UnitRow
+from .unit_record import UnitMemory, UnitRecord, UnitRow
 from .working_states import EXCEEDED, GONE, LATE, SILENT, reason_not_in_use
 
 # the variances before the first fused state: all units then have the same information
@@ -46,6 +46,16 @@ class Roster:
         self._shares = shares
         self._deadline_ns = deadline_ns
         self._forgotten_ns = 0
+
+    @property
+    def memory(self) -> dict[str, UnitMemory]:
+        """What is remembered of the units, but for their tokens."""
+        return {name: unit.memory for name, unit in self._units.items()}
+
+    @memory.setter
+    def memory(self, other: Mapping[str, UnitMemory]) -> None:
+        for name, memory in other.items():
+            self._units[name].memory = memory
 
     @property
     def follows_state(self) -> bool:

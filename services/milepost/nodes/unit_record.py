@@ -6,6 +6,7 @@ from bisect import bisect_left, bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from operator import itemgetter
+from typing import NamedTuple
 
 from milepost.fusion.verdicts import Verdict
 
@@ -31,12 +32,26 @@ class UnitRow:
     latency_ns: int = 0
 
 
+class UnitMemory(NamedTuple):
+    """What another fuser may take over of a unit's record."""
+
+    times: list[int]
+    refusals: list[tuple[int, str, bool]]
+    recent_ns: list[int]
+    recent: tuple[list[float], list[float], list[float]]
+    arrived_ns: int
+    received_ns: int
+    behind_ns: int
+    punctual: bool
+
+
 @dataclass(slots=True)
 class UnitRecord:
     """The record of a unit.
 
     `times` of the readings that count; `refusals` (time, reason, whether gating); `recent` h²/R of [s, v, a] of the rows at
-    `recent_ns`. `received_ns`: when the last reading came; `behind_ns`: how long after it could have been sent.
+    `recent_ns`. `received_ns`: when the last reading came; `behind_ns`: how long after it could have been sent. `gone`: its
+    processes whose tokens are gone, which each fuser sees by itself.
     """
 
     row: UnitRow
@@ -56,6 +71,26 @@ class UnitRecord:
     def __post_init__(self) -> None:
         period_ns = self.row.period_ns or 0
         self.window_ns, self.stale_ns = max(WINDOW_NS, 2 * period_ns), max(STALE_NS, 3 * period_ns)
+
+    @property
+    def memory(self) -> UnitMemory:
+        """A copy of what is remembered."""
+        s, v, a = self.recent
+        return UnitMemory(
+            list(self.times),
+            list(self.refusals),
+            list(self.recent_ns),
+            (list(s), list(v), list(a)),
+            self.arrived_ns,
+            self.received_ns,
+            self.behind_ns,
+            self.punctual,
+        )
+
+    @memory.setter
+    def memory(self, other: UnitMemory) -> None:
+        self.times, self.refusals, self.recent_ns, self.recent = other[:4]
+        self.arrived_ns, self.received_ns, self.behind_ns, self.punctual = other[4:]
 
     def verdict_at(self, at_ns: int) -> Verdict:
         """The verdict by the filter's judgements: the last reading that counts, and the last refusal after it."""

@@ -206,11 +206,16 @@ class ZenohBus:
             **quality,
         )
 
-    def ask(self, key: str, schema: type[P], timeout_s: float) -> list[tuple[str, P]]:
-        """All answers of other processes to a query, each with the last word of its key; unreadable ones are left out."""
+    def ask(self, key: str, schema: type[P], timeout_s: float, droppable: bool = False) -> list[tuple[str, P]]:
+        """All answers of other processes to a query, each with the last word of its key; unreadable ones are left out.
+
+        `droppable`: a process that cannot send its answer at once drops it, and goes on.
+        """
         answers: list[tuple[str, P]] = []
         # of several answers on one key Zenoh would keep one: a stranger's as well as the process's own
-        every = {"consolidation": zenoh.ConsolidationMode.NONE, "allowed_destination": zenoh.Locality.REMOTE}
+        every: dict[str, Any] = {"consolidation": zenoh.ConsolidationMode.NONE, "allowed_destination": zenoh.Locality.REMOTE}
+        if droppable:
+            every["congestion_control"] = zenoh.CongestionControl.DROP
         for reply in self.session.get(key, timeout=timeout_s, **every):
             if reply.ok is None:
                 continue

@@ -8,7 +8,7 @@ import queue
 import signal
 import sys
 import uuid
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, ExitStack, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,16 +18,16 @@ from milepost.config.rates import expected_hz
 from milepost.config.roles import ROLES, Setting, process_name, processes
 from milepost.config.train import Train
 from milepost.estimation.time_units import NS_PER_S
-from milepost.nodes.agreement import most_agreed
 from milepost.nodes.base import Node, Output, Severity
 from milepost.nodes.world import WorldNode
 from milepost.offline.collector import rare_collection
 from milepost.sensors.base import World
-from milepost_schemas import Feedback, SimulationStart, rpc_key
+from milepost_schemas import SimulationStart
 
 from . import scenario_time, zenoh_config
 from .bus import Inbox, Stop, ZenohBus, open_session
 from .calibration_store import calibration_store_for
+from .catching_up.asking import catch_up, serve
 from .clock import Clock
 from .instances import Change, lasting_others
 from .runner import Runner, second_instance
@@ -37,8 +37,6 @@ from .zenoh_config import Connection
 log = logging.getLogger("milepost")
 # a process that comes later than this into a running simulation was started again
 LATE_S = 3.0
-# how long a starting process waits for those that may remember the fused state
-ASK_S = 0.5
 # listeners outlive the end of a simulation by this, to hear its last messages
 GRACE_NS = NS_PER_S // 5
 
@@ -113,7 +111,7 @@ def _run(runner: Runner, bus: ZenohBus, node: Node, clock: Clock, train: Train, 
     """Begin with what is known, run to the end, keep what was learned."""
     # without feedback nobody could tell a restarted filter that the fused state holds already what it kept
     store = calibration_store_for(node, train.name, state_dir if train.file.fusion.feedback else None)
-    if not (node.remembers and _catch_up(bus, node, clock, _names(train))) and store is not None:
+    if not (node.remembers and catch_up(bus, node, clock, _names(train))) and store is not None:
         for output in store.restore(clock.now_ns()):
             bus.publish(*output)
     with rare_collection():
@@ -179,20 +177,7 @@ def _listen(bus: ZenohBus, node: Node, name: str) -> None:
         subscribe(subscription.stream, subscription.unit)
     if node.watches_processes:
         bus.watch_tokens()
-    if node.remembers:
-        bus.serve("latest_feedback", name)
-
-
-def _catch_up(bus: ZenohBus, node: Node, clock: Clock, known: Collection[str]) -> bool:
-    """A restarted fuser or filter begins with the fused state that most others remember; False if none does."""
-    latest = most_agreed(bus.ask(rpc_key(bus.train, "latest_feedback"), Feedback, ASK_S), known)
-    if latest is None:
-        return False
-    now_ns = clock.now_ns()
-    if node.catch_up(latest, now_ns):
-        log.info("continuing from the state of %.2f s ago", (now_ns - latest.measured_at_ns) / NS_PER_S)
-    # an answer that could not be taken still says that the fused state lives: what is in it must not be told again
-    return True
+    serve(bus, node, name)
 
 
 def run_router(

@@ -13,6 +13,8 @@ from milepost.nodes.base import Node, Output
 from milepost_schemas import Health, Refused, encode, rpc_key
 
 from .bus import AliveChange, Question, Received, Stop, ZenohBus, open_message
+from .catching_up.asking import SNAPSHOT
+from .catching_up.handing_over import HandingOver
 from .clock import Clock
 from .flood import MOST_WAITING, Gate
 from .instances import Change, Instances
@@ -56,6 +58,7 @@ class Runner:
         self._health_ns = clock.now_ns() + HEALTH_NS
         self._health_sequence = 0
         self._instances = Instances()
+        self._handing_over = HandingOver(bus, node, name)
 
     def run(self, every_second: Callable[[int], None] | None = None) -> None:
         """Until stopped, finished, or the simulation's end. `every_second` is done once a second, after health."""
@@ -65,18 +68,20 @@ class Runner:
             wake_ns = self._health_ns if tick_ns is None else min(tick_ns, self._health_ns)
             item: Any = None
             try:
-                item = inbox.get(timeout=clock.wait_s(wake_ns))
+                item = inbox.get(timeout=0.0 if self._handing_over.busy else clock.wait_s(wake_ns))
             except queue.Empty:
                 now_ns = clock.now_ns()
             else:
                 if isinstance(item, Stop):
                     return
                 now_ns = clock.at(item.at_utc_ns) if isinstance(item, Received) else clock.now_ns()
-            begun = time.perf_counter()
+            begun, handing_over = time.perf_counter(), self._handing_over.busy
             if item is not None:
                 self._take(item, now_ns)
             if tick_ns is not None and now_ns >= tick_ns:
                 self._send(node.tick(now_ns))
+            if handing_over:
+                self._handing_over.next()
             self._meter.stepped(time.perf_counter() - begun)
             if now_ns >= self._health_ns:
                 self._once_a_second(now_ns)
@@ -115,6 +120,9 @@ class Runner:
     def _answer(self, question: Question, now_ns: int) -> None:
         # a node that sleeps between readings has not looked at the newest yet
         self._read_newest(now_ns)
+        if question.procedure == SNAPSHOT:
+            self._handing_over.begin(question, now_ns)
+            return
         with question.query as query:
             answer = self._node.answer(question.procedure)
             # who has nothing to say yet says nothing: an error would be on the key of the question, which covers others' keys

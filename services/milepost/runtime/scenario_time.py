@@ -8,8 +8,8 @@ import time
 from collections.abc import Callable, Collection
 from typing import Any
 
-from milepost.nodes.agreement import most_told
 from milepost.nodes.base import Severity
+from milepost.nodes.catching_up.agreement import most_told
 from milepost_schemas import SimulationStart, encode, rpc_key, simulation_start_key
 
 from .bus import AliveChange, Stop, ZenohBus

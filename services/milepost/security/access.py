@@ -18,8 +18,8 @@ ROUTERS = ("router", "router-2")
 DISPATCH, CHAOS = "dispatch", "chaos"
 READERS = (DISPATCH, "display", "observer")
 TOOLS = (*READERS, CHAOS)
-# procedures of the runtime: who remembers the fused state, and who remembers when scenario time began
-LATEST, BEGAN = "latest_feedback", "simulation_start"
+# procedures of the runtime: who remembers the fused state, all that a fuser knows, and when scenario time began
+LATEST, SNAPSHOT, BEGAN = "latest_feedback", "snapshot", "simulation_start"
 # beside a cached stream's key: its publisher's cache, heartbeat and token
 CACHE = "@adv/**"
 
@@ -87,6 +87,9 @@ def _procedures(train: Train, process: Process, node: Node) -> tuple[list[str], 
     if node.remembers:
         answers.append(rpc_key(train.name, LATEST, process.name))
         asks.append(rpc_key(train.name, LATEST))
+    if node.peers:
+        answers.append(rpc_key(train.name, SNAPSHOT, process.name))
+        asks.append(rpc_key(train.name, SNAPSHOT))
     if train.has_scenario_time and process.role == "world":
         answers.append(simulation_start_key(train.name))
     elif train.has_scenario_time:

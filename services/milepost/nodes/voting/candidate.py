@@ -18,7 +18,8 @@ class CandidateNode(Node):
     """The fuser `inner` as one of three: its `state` and `feedback` of an epoch become one candidate; its events stay.
 
     A belief that was corrupted need not come right by itself: one that contradicts what was voted for a second begins again
-    from the voted feedback, as after a restart.
+    from the voted feedback, as after a restart. None copies another one's bank, as replicas without a voter do: what corrupted
+    one of the three would be in two of them.
     """
 
     remembers = True

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -13,7 +13,7 @@ from milepost.fusion.information_rule import InformationFusion
 from milepost.nodes.base import Node, Output, Severity, Subscription
 from milepost.nodes.fuser import FuserNode
 from milepost.simulation.faults import FaultKind, Sent, reason_of
-from milepost_schemas import FaultCommand, Feedback, Message
+from milepost_schemas import FaultCommand, Feedback, Message, SnapshotPart
 
 BIT_FLIP = "bit_flip"
 # what was true before is in the belief by now: later readings are taken on top of the flipped one
@@ -66,6 +66,14 @@ class CorruptibleFuser(Node):
     def catch_up(self, feedback: Feedback, now_ns: int) -> bool:
         """Continue from a running process's feedback."""
         return self.inner.catch_up(feedback, now_ns)
+
+    def hand_over(self, now_ns: int) -> Iterator[SnapshotPart]:
+        """What the fuser knows."""
+        return self.inner.hand_over(now_ns)
+
+    def take_over(self, parts: Sequence[SnapshotPart], agreed: Feedback | None, now_ns: int) -> None:
+        """Continue from what another fuser knows."""
+        self.inner.take_over(parts, agreed, now_ns)
 
     def next_tick_ns(self) -> int | None:
         """The fuser's next epoch."""

@@ -8,12 +8,11 @@ from typing import Any
 
 from milepost.fusion.integrity import interval
 from milepost.fusion.rule import Fused
+from milepost.nodes.roster import Presence
+from milepost.nodes.working_states import kind_of
 from milepost.track.line import Line
 from milepost_schemas import AbsoluteFix, FusedState
 from milepost_schemas.state import Status
-
-from .roster import Presence
-from .working_states import kind_of
 
 # of 95 % of a normal distribution
 ACCURACY_SIGMAS = 1.96
@@ -23,6 +22,8 @@ KEPT_FIXES = 512
 # the limits of the message; an estimate beyond them is reported as `lost`
 FARTHEST_M = 1e7
 FASTEST_MPS = 200.0
+# a balise that was passed: when, its name, position and location accuracy
+Passed = tuple[int, str, float, float]
 
 
 class StateWriter:
@@ -36,7 +37,16 @@ class StateWriter:
         self._period_ns = period_ns
         self._sigmas = sigmas
         self._lost_above_m = lost_above_m
-        self._fixes: list[tuple[int, str, float, float]] = []
+        self._fixes: list[Passed] = []
+
+    @property
+    def memory(self) -> tuple[Passed, ...]:
+        """The balises that were passed, in order."""
+        return tuple(self._fixes)
+
+    @memory.setter
+    def memory(self, other: tuple[Passed, ...]) -> None:
+        self._fixes = list(other)
 
     def passed(self, fix: AbsoluteFix) -> None:
         """Note a balise that was passed."""
@@ -94,7 +104,7 @@ class StateWriter:
         }
         return FusedState.model_validate(fields)
 
-    def _last_fix(self, at_ns: int, fused: Fused) -> tuple[int, str, float, float] | None:
+    def _last_fix(self, at_ns: int, fused: Fused) -> Passed | None:
         """The last fix until then that the leading hypothesis did not refuse."""
         odd = {at for verdict in fused.verdicts.values() for at in verdict.odd_ns}
         place = bisect_right(self._fixes, at_ns, key=lambda fix: fix[0])

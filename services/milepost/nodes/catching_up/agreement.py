@@ -6,7 +6,7 @@ from collections.abc import Collection, Sequence
 from typing import TypeVar
 
 from milepost.estimation.time_units import NS_PER_S
-from milepost_schemas import Feedback, Part
+from milepost_schemas import Feedback, Gaussian, Part
 
 T = TypeVar("T", bound=Part)
 # what each process of the train, by its name, has answered
@@ -39,9 +39,12 @@ def _names(told: Answers[T], answer: T) -> set[str]:
 
 
 def _agree(one: Feedback, other: Feedback) -> bool:
-    """Whether both are of the same motion, and as sure of it."""
-    a, b = one.fused, other.fused
-    span_s = (other.measured_at_ns - one.measured_at_ns) / NS_PER_S
+    return same_motion(one.fused, one.measured_at_ns, other.fused, other.measured_at_ns)
+
+
+def same_motion(a: Gaussian, at_ns: int, b: Gaussian, other_ns: int) -> bool:
+    """Whether two fused states are of the same motion, and as sure of it."""
+    span_s = (other_ns - at_ns) / NS_PER_S
     spread = HARDEST_MPS2 * abs(span_s)
     if a.states != b.states or abs(b.mean[0] - a.mean[0] - a.mean[1] * span_s) > SAME_M + 0.5 * spread * abs(span_s):
         return False

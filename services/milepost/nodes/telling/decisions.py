@@ -3,20 +3,34 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from typing import NamedTuple
 
 from milepost.estimation.time_units import S_PER_NS
 from milepost.fusion.hypotheses import MOTION_MODEL
 from milepost.fusion.rule import Fused
 from milepost.fusion.verdicts import Reset, Verdict
+from milepost.nodes.base import Severity
+from milepost.nodes.roster import Presence
+from milepost.nodes.working_states import GONE, LATE, NEVER_HEARD, SILENT, kind_of
 from milepost_schemas.state import SAYS_NOTHING
-
-from .base import Severity
-from .roster import Presence
-from .working_states import GONE, LATE, NEVER_HEARD, SILENT, kind_of
 
 # so long nothing may be heard of a unit at first
 PATIENCE_NS = 1_000_000_000
 MISSING = {GONE: "its process is gone", NEVER_HEARD: "nothing was heard of it", SILENT: "nothing is heard of it any more"}
+
+
+class Reported(NamedTuple):
+    """What was reported: exclusions, doubts, the last refused fix of each unit, the last reset, units that say nothing.
+
+    `first_ns`: the first epoch.
+    """
+
+    excluded: dict[str, Verdict]
+    doubted: tuple[str, ...]
+    refused: dict[str, int]
+    reset: Reset | None
+    missing: dict[str, str]
+    first_ns: int | None
 
 
 class Decisions:
@@ -29,6 +43,17 @@ class Decisions:
         self._reset: Reset | None = None
         self._missing: dict[str, str] = {}
         self._first_ns: int | None = None
+
+    @property
+    def memory(self) -> Reported:
+        """What was reported, so that another fuser does not report it again."""
+        # what a unit's judge remembers is the bank's
+        excluded = {unit: v._replace(memory=None, said=None, noise=()) for unit, v in self._excluded.items()}
+        return Reported(excluded, self._doubted, dict(self._refused), self._reset, dict(self._missing), self._first_ns)
+
+    @memory.setter
+    def memory(self, other: Reported) -> None:
+        self._excluded, self._doubted, self._refused, self._reset, self._missing, self._first_ns = other
 
     def news(self, fused: Fused, presence: Presence, epoch_ns: int) -> Iterator[tuple[Severity, str, str]]:
         """(severity, code, text) of what changed with the state at an epoch."""

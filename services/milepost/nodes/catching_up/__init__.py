@@ -1,0 +1,1 @@
+"""How a restarted fuser catches up from another one of the train."""

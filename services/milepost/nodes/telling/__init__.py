@@ -1,0 +1,1 @@
+"""What the fuser says of its state: the published message, and its decisions as events."""

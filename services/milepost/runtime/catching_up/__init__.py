@@ -1,0 +1,1 @@
+"""How a process that was restarted catches up from the others of its train."""
