@@ -141,7 +141,7 @@ def refused(parts: list[SnapshotPart], agreed: Feedback | None = None, now_ns: i
     """Why a fuser that knows nothing refuses it; it then knows nothing still."""
     node, before = nobody()
     with pytest.raises(Refused) as found:
-        node.take_over(parts, agreed, honest().now_ns if now_ns is None else now_ns)
+        node.take_over(parts, agreed or honest().agreed, honest().now_ns if now_ns is None else now_ns)
     assert same(known_by(node), before)
     assert found.value.detail
     return found.value
@@ -183,20 +183,12 @@ def test_a_belief_that_most_processes_contradict_is_refused() -> None:
     assert "contradicts" in refused(honest().parts, agreed).detail
 
 
-def test_a_train_without_feedback_has_nothing_to_compare_with() -> None:
-    asked = Asked(load_train(TRAINS / "maglev.yaml", {"fusion": {**SHORT, "feedback": False}}), 2.0)
-    assert asked.fuser.answer("latest_feedback") is None
-    taker = fuser(asked.train)
-    taker.take_over(asked.parts, None, asked.now_ns)
-    assert same(known_by(taker), known_by(asked.fuser))
-
-
 def test_a_rule_without_a_bank_hands_nothing_over() -> None:
     asked = Asked(load_train(TRAINS / "beidou-maglev.yaml", {"fusion": {"rule": "federated"}}), 2.0)
     assert asked.agreed
     assert asked.parts == []
     with pytest.raises(Refused, match="no bank"):
-        asked.fuser.take_over(honest().parts, None, asked.now_ns)
+        asked.fuser.take_over(honest().parts, asked.agreed, asked.now_ns)
 
 
 def test_a_fuser_that_has_begun_no_epoch_hands_nothing_over() -> None:

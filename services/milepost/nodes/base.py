@@ -95,7 +95,7 @@ class Node:
         """All that it knows, for a peer that was restarted: each part takes its time when it is asked for."""
         return iter(())
 
-    def take_over(self, parts: Sequence[SnapshotPart], agreed: Feedback | None, now_ns: int) -> None:  # noqa: ARG002
+    def take_over(self, parts: Sequence[SnapshotPart], agreed: Feedback, now_ns: int) -> None:  # noqa: ARG002
         """After a restart, continue from a peer's snapshot, if it agrees with what most processes remember.
 
         Raises Refused where it is not to be used; then nothing has changed.

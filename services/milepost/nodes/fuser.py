@@ -91,7 +91,7 @@ class FuserNode(Node):
         known = self._epochs.times, self._roster.memory, self._writer.memory, self._decisions.memory, self._feedback
         return snapshots.parts(Memory(*known, kept), now_ns)
 
-    def take_over(self, parts: Sequence[SnapshotPart], agreed: Feedback | None, now_ns: int) -> None:
+    def take_over(self, parts: Sequence[SnapshotPart], agreed: Feedback, now_ns: int) -> None:
         """Continue from what a replica knows, hypotheses and all: from now on both settle to the same bits."""
         if self._snapshots is None:
             raise Refused("no_bank", f"the rule {self._settings.rule} has no bank")

@@ -138,7 +138,7 @@ class ReplicaNode(Node):
         """What the fuser knows."""
         return self.inner.hand_over(now_ns)
 
-    def take_over(self, parts: Sequence[SnapshotPart], agreed: Feedback | None, now_ns: int) -> None:
+    def take_over(self, parts: Sequence[SnapshotPart], agreed: Feedback, now_ns: int) -> None:
         """Continue from what another replica knows. Which of them speaks does not change."""
         self.inner.take_over(parts, agreed, now_ns)
 

@@ -120,7 +120,7 @@ class Snapshots:
             raise Misfit("an observation is older than what it is added to")
 
 
-def resume(rule: FusionRule, kept: Kept, agreed: Feedback | None) -> None:
+def resume(rule: FusionRule, kept: Kept, agreed: Feedback) -> None:
     """Let a rule continue from what another one holds. Raises Refused where it cannot, or should not; it is then as before."""
     before = rule.kept()
     try:
@@ -134,13 +134,8 @@ def resume(rule: FusionRule, kept: Kept, agreed: Feedback | None) -> None:
         raise Refused("invalid", why)
 
 
-def _contradiction(rule: FusionRule, agreed: Feedback | None) -> str | None:
-    """Why the belief that was taken over is not what most processes of the train remember; None where it is.
-
-    Nobody remembers a state on a train without feedback: there is nothing to compare with.
-    """
-    if agreed is None:
-        return None
+def _contradiction(rule: FusionRule, agreed: Feedback) -> str | None:
+    """Why the belief that was taken over is not what most processes of the train remember; None where it is."""
     at_ns = agreed.measured_at_ns
     fused = rule.state_at(at_ns, {})
     if fused is None:

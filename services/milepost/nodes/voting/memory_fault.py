@@ -71,7 +71,7 @@ class CorruptibleFuser(Node):
         """What the fuser knows."""
         return self.inner.hand_over(now_ns)
 
-    def take_over(self, parts: Sequence[SnapshotPart], agreed: Feedback | None, now_ns: int) -> None:
+    def take_over(self, parts: Sequence[SnapshotPart], agreed: Feedback, now_ns: int) -> None:
         """Continue from what another fuser knows."""
         self.inner.take_over(parts, agreed, now_ns)
 

@@ -32,10 +32,11 @@ def catch_up(bus: ZenohBus, node: Node, clock: Clock, known: Collection[str]) ->
     A fuser takes over all that a replica knows; where it cannot, and in a filter, it is the fused state that most remember.
     """
     latest = most_agreed(bus.ask(rpc_key(bus.train, LATEST), Feedback, ASK_S), known)
+    if latest is None:
+        # the others are just beginning too, and would not answer before they have asked
+        return False
     if _takes_over(bus, node, clock, latest):
         return True
-    if latest is None:
-        return False
     now_ns = clock.now_ns()
     if node.catch_up(latest, now_ns):
         log.info("continuing from the state of %.2f s ago", (now_ns - latest.measured_at_ns) / NS_PER_S)
@@ -43,7 +44,7 @@ def catch_up(bus: ZenohBus, node: Node, clock: Clock, known: Collection[str]) ->
     return True
 
 
-def _takes_over(bus: ZenohBus, node: Node, clock: Clock, latest: Feedback | None) -> bool:
+def _takes_over(bus: ZenohBus, node: Node, clock: Clock, latest: Feedback) -> bool:
     """Whether a replica's snapshot was taken over: the newest that is not refused."""
     if not node.peers:
         return False
