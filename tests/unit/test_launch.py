@@ -66,10 +66,11 @@ def test_a_child_shows_its_role_as_its_title() -> None:
         ("lambda: None", 0, ""),
         ("lambda: fail(ConfigError('a.yaml', 'units', 'none'))", 2, "milepost: a.yaml: units: none"),
         ("lambda: fail(OSError('no disk'))", 1, "milepost: no disk"),
+        ("lambda: fail(MemoryError())", 1, "milepost: out of memory"),
         ("lambda: fail(ValueError('a bug'))", 1, "ValueError: a bug"),
         ("lambda: os.kill(os.getpid(), signal.SIGKILL)", -9, ""),
     ],
-    ids=["end", "configuration", "system", "bug", "killed"],
+    ids=["end", "configuration", "system", "memory", "bug", "killed"],
 )
 def test_how_a_child_ends_is_its_exit_code(run: str, code: int, err: str) -> None:
     out, shown = said(f"print(code_of({run}))")

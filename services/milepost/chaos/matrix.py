@@ -9,6 +9,8 @@ from fnmatch import fnmatch
 from pathlib import Path
 from typing import Any
 
+import psutil
+
 from milepost.config.train import load_train
 from milepost.runtime.launch import is_router
 from milepost.runtime.process import ProcessOptions
@@ -90,7 +92,7 @@ def run_cell(stack: Stack, cell: Cell) -> Outcome:
             cell.blow(stack)
             stack.recover(figures, cell.recovery_s)
         figures.refused = stack.refused() - refused
-    except (NotInTime, AssertionError, LookupError, OSError) as error:
+    except (NotInTime, AssertionError, LookupError, OSError, psutil.Error) as error:
         failures.append(str(error))
     failures += judged(cell, figures)
     failures += [f"exception: {line.strip()}" for line in stack.tracebacks[tracebacks:]]

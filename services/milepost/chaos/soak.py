@@ -105,7 +105,7 @@ def _strike(stack: Stack, drawn: random.Random, failures: list[str]) -> Blow:
             what = f"{target.name} {how}"
             allowed_s = target.stopped_s if hangs else target.killed_s
             blow(stack, target.find(stack))
-    except (AssertionError, LookupError, OSError) as error:
+    except (AssertionError, LookupError, OSError, psutil.Error) as error:
         failures.append(f"{what}: {error}")
     return Blow(begin_ns, time.time_ns() + round(allowed_s * 1e9), what)
 

@@ -6,7 +6,7 @@ import os
 import signal
 import time
 from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 
 import psutil
 
@@ -28,7 +28,7 @@ def slowed(pid: int, times: float, for_s: float) -> None:
 
 
 def no_more_memory(pid: int, for_s: float) -> None:
-    """Let a process have no more address space than it has, for so long; returns then."""
+    """Let a process have no more address space than it has, for so long; returns then. It may end for want of it."""
     victim = psutil.Process(pid)
     with _limited(victim, psutil.RLIMIT_AS, victim.memory_info().vms):
         time.sleep(for_s)
@@ -50,4 +50,6 @@ def _limited(victim: psutil.Process, what: int, most: int) -> Iterator[None]:
     try:
         yield
     finally:
-        victim.rlimit(what, (soft, hard))
+        # it may have ended for want of it
+        with suppress(psutil.NoSuchProcess):
+            victim.rlimit(what, (soft, hard))

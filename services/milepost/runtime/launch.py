@@ -66,7 +66,7 @@ def end_with_parent(parent: int) -> None:
 
 
 def exit_code(run: Callable[[], object]) -> int:
-    """Run to the end; a mistake in a configuration (2) or a failing system (1) is one line, a bug (1) a traceback."""
+    """Run to the end; a mistake in a configuration (2), a failing or a full system (1) is one line, a bug (1) a traceback."""
     try:
         run()
     except ConfigError as error:
@@ -74,6 +74,9 @@ def exit_code(run: Callable[[], object]) -> int:
         return CONFIGURATION_ERROR
     except OSError as error:  # a file, a port, no router
         print(f"milepost: {error}", file=sys.stderr)
+        return 1
+    except MemoryError:
+        print("milepost: out of memory", file=sys.stderr)
         return 1
     except Exception:
         traceback.print_exc()
