@@ -45,24 +45,25 @@ def difference(a: Candidate, b: Candidate, tolerance: Tolerance) -> str | None:
     one has none.
     """
     return state_difference(a.state, b.state, tolerance) or feedback_difference(
-        a.feedback, b.feedback, tolerance, heard(a.state) == heard(b.state)
+        a.feedback, b.feedback, tolerance, not_heard(a.state) == not_heard(b.state)
     )
 
 
-def heard(state: FusedState) -> tuple[frozenset[str], frozenset[str]]:
-    """The units that a state uses, and those that it awaits."""
-    return frozenset(each.unit for each in state.sensors), frozenset(state.awaiting)
+def not_heard(state: FusedState) -> frozenset[str]:
+    """The units whose readings a fuser still awaits; not those that it excludes, which may be a fault of its own."""
+    return frozenset(state.awaiting)
 
 
 def better_heard(one: Candidate, other: Candidate) -> tuple[Candidate, Candidate]:
-    """The two, the one that awaits fewer units and uses more of them first; as given where that is the same."""
-    one_first = (len(one.state.awaiting), -len(one.state.sensors)) <= (len(other.state.awaiting), -len(other.state.sensors))
-    return (one, other) if one_first else (other, one)
+    """The two, the one that has heard more units first; as given where that is the same."""
+    return (one, other) if len(not_heard(one.state)) <= len(not_heard(other.state)) else (other, one)
 
 
 def state_difference(one: FusedState, other: FusedState, tolerance: Tolerance) -> str | None:
     """The same of two states."""
-    differences = _state_differences(one, other, tolerance) if heard(one) == heard(other) else _contradictions(one, other)
+    differences = (
+        _contradictions(one, other) if not_heard(one) != not_heard(other) else _state_differences(one, other, tolerance)
+    )
     return next(differences, None)
 
 

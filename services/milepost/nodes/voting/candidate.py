@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 from milepost.nodes.base import Node, Output, Subscription
 from milepost_schemas import Candidate, Feedback, FusedState, Message
 
-from .agreement import Tolerance, feedback_difference, heard, state_difference
+from .agreement import Tolerance, feedback_difference, not_heard, state_difference
 
 # a fuser that contradicts so many voted feedbacks in a row begins again from the last one; the next time after twice as many
 PATIENCE, LONGEST_PATIENCE = 50, 3000
@@ -123,7 +123,7 @@ class CandidateNode(Node):
             return
         if isinstance(voted, FusedState):
             self._differs = state_difference(own.state, voted, self._tolerance)
-            self._same_heard = heard(own.state) == heard(voted)
+            self._same_heard = not_heard(own.state) == not_heard(voted)
             return
         how = self._differs or feedback_difference(own.feedback, voted, self._tolerance, self._same_heard)
         if how is None:
