@@ -65,7 +65,7 @@ def test_the_outer_ends_of_both_intervals_are_published() -> None:
 
 
 LESS = {
-    "awaiting": ["radar"],
+    "awaiting": [*STATE.awaiting, "late"],
     "sensors": STATE.sensors[1:],
     "position_m": STATE.position_m + 0.3,
     "speed_mps": STATE.speed_mps + 0.1,
