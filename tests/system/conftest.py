@@ -10,6 +10,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 
 import msgpack
 import pytest
@@ -113,17 +114,24 @@ def start(train: str, *options: str) -> tuple[Stack, Outside]:
     return stack, outside
 
 
-@pytest.fixture(scope="module")
-def maglev() -> Iterator[tuple[Stack, Outside]]:
-    """The maglev train, running; a test finds it normal and leaves it so."""
-    stack, outside = start("deploy/trains/maglev.yaml")
+@contextmanager
+def running(train: str, state: str, *options: str) -> Iterator[tuple[Stack, Outside]]:
+    """A train that is normal, by its key `state`, and that ends in order after the block."""
+    stack, outside = start(train, *options)
     try:
-        outside.wait_state("milepost/v1/maglev-1/state", lambda m: m["status"] == "normal", 40.0, "a normal state")
+        outside.wait_state(state, lambda m: m["status"] == "normal", 40.0, "a normal state")
         yield stack, outside
     finally:
         outside.close()
         code = stack.stop()
     assert code == 0, "".join(stack.errors)
+
+
+@pytest.fixture(scope="module")
+def maglev() -> Iterator[tuple[Stack, Outside]]:
+    """The maglev train, running; a test finds it normal and leaves it so."""
+    with running("deploy/trains/maglev.yaml", "milepost/v1/maglev-1/state") as train:
+        yield train
 
 
 @pytest.fixture

@@ -9,7 +9,7 @@ from itertools import pairwise
 
 import pytest
 
-from conftest import Outside, Stack, free_port, start
+from conftest import Outside, Stack, free_port, running
 
 FULL = "deploy/trains/full.yaml"
 STATE = "milepost/v1/full-1/state"
@@ -19,13 +19,8 @@ LONGEST_GAP_S = 0.5
 
 @pytest.fixture(scope="module")
 def full():
-    stack, outside = start(FULL, "--listen", f"tcp/127.0.0.1:{free_port()}")
-    try:
-        outside.wait_state(STATE, lambda m: m["status"] == "normal", 40.0, "a normal state")
-        yield stack, outside
-    finally:
-        outside.close()
-        assert stack.stop() == 0
+    with running(FULL, STATE, "--listen", f"tcp/127.0.0.1:{free_port()}") as train:
+        yield train
 
 
 def leader(outside: Outside) -> str:

@@ -9,7 +9,7 @@ import sys
 
 import pytest
 
-from conftest import Outside, Stack, start
+from conftest import Outside, Stack, running
 
 TRAIN = "full-2oo3"
 LOST_EPOCHS = 5
@@ -18,13 +18,8 @@ STATE, EVENT, TRUTH = (f"milepost/v1/{TRAIN}/{key}" for key in ("state", "event"
 
 @pytest.fixture(scope="module")
 def voted():
-    stack, outside = start(f"deploy/trains/{TRAIN}.yaml")
-    try:
-        outside.wait_state(STATE, lambda m: m["status"] == "normal", 40.0, "a normal state")
-        yield stack, outside
-    finally:
-        outside.close()
-        assert stack.stop() == 0
+    with running(f"deploy/trains/{TRAIN}.yaml", STATE) as train:
+        yield train
 
 
 def told(outside: Outside, begun: int, code: str, about: str) -> dict | None:

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 
 from milepost.estimation.observation import FUTURE_NS
-from milepost_schemas import Feedback, FusedState, Message, SnapshotPart
+from milepost_schemas import FusedState, Message
 
+from .around import Around
 from .base import Node, Output, Subscription
 
 # a leader of whom nothing was heard for so many epochs has lost the lead
@@ -99,52 +100,21 @@ class Lead:
         return self.leads
 
 
-class ReplicaNode(Node):
+class ReplicaNode(Around):
     """The fuser `inner` as one of `replicas`. What a standby has to say is kept until the leader has said it, or is silent."""
 
-    remembers = True
-    watches_processes = True
-
     def __init__(self, inner: Node, replicas: Sequence[str], period_ns: int, deadline_ns: int) -> None:
-        super().__init__(inner.train, inner.unit, inner.instance)
-        self.inner = inner
-        self.refusals = inner.refusals
-        self.subscriptions = [*inner.subscriptions, Subscription("state")]
+        super().__init__(inner, Subscription("state"))
         self.peers = [name for name in replicas if name != inner.unit]
         self._lead = Lead(inner.unit, replicas, period_ns, deadline_ns)
         self._held: list[Output] = []
         self._said_ns = 0
         self._units = 0
 
-    @property
-    def rewinds(self) -> int:
-        """How often a late observation caused a rewind."""
-        return self.inner.rewinds
-
     def unit_alive(self, unit: str, alive: bool) -> None:
         """Note that a process's liveliness token appeared or was dropped."""
         self._lead.alive(unit, alive)
-        self.inner.unit_alive(unit, alive)
-
-    def answer(self, procedure: str) -> Message | None:
-        """What the fuser remembers."""
-        return self.inner.answer(procedure)
-
-    def catch_up(self, feedback: Feedback, now_ns: int) -> bool:
-        """Continue from a running process's feedback."""
-        return self.inner.catch_up(feedback, now_ns)
-
-    def hand_over(self, now_ns: int) -> Iterator[SnapshotPart]:
-        """What the fuser knows."""
-        return self.inner.hand_over(now_ns)
-
-    def take_over(self, parts: Sequence[SnapshotPart], agreed: Feedback, now_ns: int) -> None:
-        """Continue from what another replica knows. Which of them speaks does not change."""
-        self.inner.take_over(parts, agreed, now_ns)
-
-    def next_tick_ns(self) -> int | None:
-        """The fuser's next epoch."""
-        return self.inner.next_tick_ns()
+        super().unit_alive(unit, alive)
 
     def step(self, message: Message, now_ns: int) -> Iterator[Output]:
         """Take what the fuser takes, and the states of other replicas."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 
+from milepost.nodes.around import Around
 from milepost.nodes.base import Node, Output, Subscription
 from milepost_schemas import Candidate, Feedback, FusedState, Message
 
@@ -14,7 +15,7 @@ PATIENCE, LONGEST_PATIENCE = 50, 3000
 KEPT = 64
 
 
-class CandidateNode(Node):
+class CandidateNode(Around):
     """The fuser `inner` as one of three: its `state` and `feedback` of an epoch become one candidate; its events stay.
 
     A belief that was corrupted need not come right by itself: one that contradicts what was voted for a second begins again
@@ -22,18 +23,11 @@ class CandidateNode(Node):
     one of the three would be in two of them.
     """
 
-    remembers = True
-    watches_processes = True
+    hand_over = Node.hand_over
+    take_over = Node.take_over
 
     def __init__(self, inner: Node, tolerance: Tolerance) -> None:
-        super().__init__(inner.train, inner.unit, inner.instance)
-        self.inner = inner
-        self.refusals = inner.refusals
-        self.subscriptions = [
-            *inner.subscriptions,
-            Subscription("state", newest_only=True),
-            Subscription("feedback", newest_only=True),
-        ]
+        super().__init__(inner, Subscription("state", newest_only=True), Subscription("feedback", newest_only=True))
         self._tolerance = tolerance
         self._own: dict[int, Candidate] = {}
         self._proposed_ns = 0
@@ -45,22 +39,9 @@ class CandidateNode(Node):
         # one instance has one numbering
         self._sequences = inner._sequences
 
-    @property
-    def rewinds(self) -> int:
-        """How often a late observation caused a rewind."""
-        return self.inner.rewinds
-
-    def unit_alive(self, unit: str, alive: bool) -> None:
-        """Note that a process's liveliness token appeared or was dropped."""
-        self.inner.unit_alive(unit, alive)
-
     def answer(self, procedure: str) -> Message | None:  # noqa: ARG002
         """Nothing: only what was voted may move another process, and the voter remembers that."""
         return None
-
-    def catch_up(self, feedback: Feedback, now_ns: int) -> bool:
-        """Continue from the voter's feedback."""
-        return self.inner.catch_up(feedback, now_ns)
 
     def next_tick_ns(self) -> int | None:
         """The fuser's next epoch; none while no state can be made of its belief."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -10,10 +10,11 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from milepost.fusion.bank_state import Bank
 from milepost.fusion.information_rule import InformationFusion
-from milepost.nodes.base import Node, Output, Severity, Subscription
+from milepost.nodes.around import Around
+from milepost.nodes.base import Output, Severity, Subscription
 from milepost.nodes.fuser import FuserNode
 from milepost.simulation.faults import FaultKind, Sent, reason_of
-from milepost_schemas import FaultCommand, Feedback, Message, SnapshotPart
+from milepost_schemas import FaultCommand, Message
 
 BIT_FLIP = "bit_flip"
 # what was true before is in the belief by now: later readings are taken on top of the flipped one
@@ -36,52 +37,15 @@ FUSER_FAULTS = {
 }
 
 
-class CorruptibleFuser(Node):
+class CorruptibleFuser(Around):
     """The fuser `inner`, of whose belief commands flip bits: in the row of its bank that it publishes, half a second ago."""
 
-    remembers = True
-    watches_processes = True
+    inner: FuserNode
 
     def __init__(self, inner: FuserNode) -> None:
-        super().__init__(inner.train, inner.unit, inner.instance)
-        self.inner = inner
-        self.refusals = inner.refusals
-        self.subscriptions = [*inner.subscriptions, Subscription("chaos", inner.unit)]
+        super().__init__(inner, Subscription("chaos", inner.unit))
         # one instance has one numbering
         self._sequences = inner._sequences
-
-    @property
-    def rewinds(self) -> int:
-        """How often a late observation caused a rewind."""
-        return self.inner.rewinds
-
-    def unit_alive(self, unit: str, alive: bool) -> None:
-        """Note that a process's liveliness token appeared or was dropped."""
-        self.inner.unit_alive(unit, alive)
-
-    def answer(self, procedure: str) -> Message | None:
-        """What the fuser remembers."""
-        return self.inner.answer(procedure)
-
-    def catch_up(self, feedback: Feedback, now_ns: int) -> bool:
-        """Continue from a running process's feedback."""
-        return self.inner.catch_up(feedback, now_ns)
-
-    def hand_over(self, now_ns: int) -> Iterator[SnapshotPart]:
-        """What the fuser knows."""
-        return self.inner.hand_over(now_ns)
-
-    def take_over(self, parts: Sequence[SnapshotPart], agreed: Feedback, now_ns: int) -> None:
-        """Continue from what another fuser knows."""
-        self.inner.take_over(parts, agreed, now_ns)
-
-    def next_tick_ns(self) -> int | None:
-        """The fuser's next epoch."""
-        return self.inner.next_tick_ns()
-
-    def tick(self, now_ns: int) -> Iterable[Output]:
-        """What the fuser does."""
-        return self.inner.tick(now_ns)
 
     def step(self, message: Message, now_ns: int) -> Iterable[Output]:
         """Flip a bit on command, and say so in an event."""

@@ -1,0 +1,59 @@
+"""A node around another one: what it does not do itself, the inner one does."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+
+from milepost_schemas import Feedback, Message, SnapshotPart
+
+from .base import Node, Output, Subscription
+
+
+class Around(Node):
+    """A process that is the fuser `inner` and something more; `more` is what it hears besides."""
+
+    remembers = True
+    watches_processes = True
+
+    def __init__(self, inner: Node, *more: Subscription) -> None:
+        super().__init__(inner.train, inner.unit, inner.instance)
+        self.inner = inner
+        self.refusals = inner.refusals
+        self.subscriptions = [*inner.subscriptions, *more]
+
+    @property
+    def rewinds(self) -> int:
+        """How often a late observation caused a rewind."""
+        return self.inner.rewinds
+
+    def unit_alive(self, unit: str, alive: bool) -> None:
+        """Note that a process's liveliness token appeared or was dropped."""
+        self.inner.unit_alive(unit, alive)
+
+    def answer(self, procedure: str) -> Message | None:
+        """What the fuser remembers."""
+        return self.inner.answer(procedure)
+
+    def catch_up(self, feedback: Feedback, now_ns: int) -> bool:
+        """Continue from a running process's feedback."""
+        return self.inner.catch_up(feedback, now_ns)
+
+    def hand_over(self, now_ns: int) -> Iterator[SnapshotPart]:
+        """What the fuser knows."""
+        return self.inner.hand_over(now_ns)
+
+    def take_over(self, parts: Sequence[SnapshotPart], agreed: Feedback, now_ns: int) -> None:
+        """Continue from what another fuser knows."""
+        self.inner.take_over(parts, agreed, now_ns)
+
+    def next_tick_ns(self) -> int | None:
+        """The fuser's next epoch."""
+        return self.inner.next_tick_ns()
+
+    def step(self, message: Message, now_ns: int) -> Iterable[Output]:
+        """Take what the fuser takes."""
+        return self.inner.step(message, now_ns)
+
+    def tick(self, now_ns: int) -> Iterable[Output]:
+        """What the fuser does."""
+        return self.inner.tick(now_ns)
