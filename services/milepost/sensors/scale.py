@@ -40,8 +40,8 @@ class ScaleOptions(SensorOptions):
         if std == 0.0:
             return None
         if tau is None:
-            return PrivateState("scale", 0.0, std, math.inf, self.scale_noise_psd)
-        return PrivateState("scale", 0.0, std, tau, 2.0 * std * std / tau)
+            return PrivateState("scale", 0.0, std, math.inf, self.scale_noise_psd, scales_motion=True)
+        return PrivateState("scale", 0.0, std, tau, 2.0 * std * std / tau, scales_motion=True)
 
 
 class TrueScale:
