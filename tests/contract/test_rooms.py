@@ -21,6 +21,7 @@ FLOORS = (
     "checks",
     "security",
     "runtime",
+    "feeds",
     "offline",
     "config",
     "nodes",

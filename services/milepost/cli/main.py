@@ -17,11 +17,20 @@ from .campaign_command import campaign
 from .chaos_command import chaos
 from .helper_commands import display, observe, sentinel
 from .inject_command import FREE_OPTIONS, inject
-from .options import ConnectOption, JsonOption, StateDirOption, TrainOption, ZenohConfigOption, complete_scenario, show_versions
+from .machines.feed_command import feed
+from .options import (
+    DEFAULT_TRAIN,
+    ConnectOption,
+    JsonOption,
+    StateDirOption,
+    TrainOption,
+    ZenohConfigOption,
+    complete_scenario,
+    show_versions,
+)
 from .pki_command import acl, pki
+from .up_command import up
 from .usage import UsageError, usage_line
-
-DEFAULT_TRAIN = Path("full")
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -41,36 +50,8 @@ def milepost(
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
-@app.command()
-def up(
-    train: TrainOption = DEFAULT_TRAIN,
-    duration: Annotated[
-        float | None, typer.Option("--duration", min=0.1, help="Stop after this many seconds of scenario time.")
-    ] = None,
-    speed: Annotated[
-        float, typer.Option("--speed", min=0.01, max=1000.0, help="Scenario seconds per second of real time.")
-    ] = 1.0,
-    report: Annotated[
-        Path | None, typer.Option("--report", help="When the run ends, write what was measured to this JSON file.")
-    ] = None,
-    headless: Annotated[bool, typer.Option("--headless", help="Show no live table.")] = False,
-    listen: Annotated[
-        list[str], typer.Option("--listen", help="Endpoint on which the router listens. Repeat it for a second router.")
-    ] = [DEFAULT_ENDPOINT],  # noqa: B006
-    state_dir: StateDirOption = None,
-    secure: Annotated[
-        bool,
-        typer.Option(
-            "--secure",
-            help="Only processes and tools with a certificate, each for its own keys. Made in the state folder if needed.",
-        ),
-    ] = False,
-) -> None:
-    """Start a train and show it: a router, and one process for each sensor, each filter, the fuser and the balise service."""
-    from .up import UpOptions, run_up
-
-    found = find_file(train, "trains")
-    raise typer.Exit(run_up(UpOptions(found, duration, speed, report, headless, listen, state_dir, secure)))
+app.command()(up)
+app.command()(feed)
 
 
 @app.command()
@@ -209,7 +190,7 @@ def rerun(
 @app.command()
 def events(as_json: JsonOption = False) -> None:
     """Show every event that processes send: its code, how bad it is, and what it means."""
-    from .events import run_events
+    from .machines.events import run_events
 
     run_events(as_json)
 

@@ -9,6 +9,7 @@ import typer
 
 from milepost.config.shipped_files import names_in
 
+DEFAULT_TRAIN = Path("full")
 DISTRIBUTIONS = ("milepost", "milepost-schemas")
 
 

@@ -46,3 +46,13 @@ def measuring_jobs(connection: Connection, report: Path | None, stalls: Path) ->
     yield Job("sentinel", ("sentinel",), place, partial(run_sentinel, stalls), restart=False)
     options = (*place, "--report", str(report), *as_options(connection))
     yield Job("observer", ("observe",), options, partial(run_observe, connection, "*", report, stalls), restart=False)
+
+
+def feed_jobs(connection: Connection, port: int | None, line: Path) -> Iterator[Job]:
+    """The web server for machines, if there is to be one; `line` is the file of the train's line."""
+    if port is None:
+        return
+    from .machines.feed import HERE, feed_body
+
+    options = ("--port", str(port), "--line", str(line), *as_options(connection))
+    yield Job("feed", ("feed",), options, partial(feed_body, connection, HERE, port, [line]))
