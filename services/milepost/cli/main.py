@@ -188,11 +188,14 @@ def rerun(
 
 
 @app.command()
-def events(as_json: JsonOption = False) -> None:
-    """Show every event that processes send: its code, how bad it is, and what it means."""
+def events(
+    as_json: JsonOption = False,
+    as_rules: Annotated[bool, typer.Option("--prometheus", help="Print alert rules for Prometheus.")] = False,
+) -> None:
+    """Show every event that processes send: its code, how bad it is, and what it means; with --json also what to do."""
     from .machines.events import run_events
 
-    run_events(as_json)
+    run_events(as_json, as_rules)
 
 
 @app.command()

@@ -61,7 +61,12 @@ METRICS: tuple[Metric, ...] = (
     Metric("milepost_process_expected_hertz", "gauge", STREAM, "The least rate that the train file sets for the stream."),
     Metric("milepost_process_refused", "counter", ("train", "process", "reason"), "Messages refused, by reason."),
     Metric("milepost_process_rewinds", "counter", PROCESS, "Rewinds, because a message came late."),
-    Metric("milepost_process_gaps", "counter", PROCESS, "Messages missing in the sequences of others."),
+    Metric(
+        "milepost_process_gaps",
+        "counter",
+        PROCESS,
+        "Messages not taken, by their sequence numbers: lost, or skipped where only the newest matters.",
+    ),
     Metric("milepost_process_step_seconds", "gauge", QUANTILE, "Duration of a step over the last second."),
     Metric("milepost_process_delivery_seconds", "gauge", QUANTILE, "From publication to receipt of messages, last second."),
     Metric("milepost_feed_left_out", "counter", (), "Messages of trains and processes beyond what is followed."),
