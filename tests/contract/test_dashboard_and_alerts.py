@@ -78,6 +78,18 @@ def test_every_error_and_only_what_asks_for_somebody_has_a_rule() -> None:
         assert not row.action or row.severity != "info", row.code
 
 
+def test_the_guide_lists_every_metric_and_no_other() -> None:
+    section = (ROOT / "docs/machines.md").read_text(encoding="utf-8").split("\n## Metrics\n")[1].split("\n## ")[0]
+    rows = [line for line in section.splitlines() if line.startswith("| `milepost_")]
+    listed = {name for row in rows for name in re.findall(r"`(milepost_\w+)`", row.split(" | ")[0])}
+    ends = {"counter": "_total", "info": "_info"}
+    assert listed == {row.name + ends.get(row.kind, "") for row in METRICS}
+    for row in METRICS:
+        (line,) = [line for line in rows if f"`{row.name}{ends.get(row.kind, '')}`" in line.split(" | ")[0]]
+        for label in labels_of(row) - {"train"}:
+            assert f"`{label}`" in line.split(" | ")[1], row.name
+
+
 PANELS: list[dict[str, Any]] = DASHBOARD["panels"]
 
 

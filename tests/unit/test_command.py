@@ -125,11 +125,14 @@ main()
     ("words", "line"),
     [
         ("campaign", "campaign: FILE: required: campaign file, or the name of one: "),
-        ("run", "run: ROLE: required: one of router, world, sensor, filter, balise, fuser, voter; see `milepost run --help`"),
+        (
+            "run",
+            "run: ROLE: required: one of router, world, sensor, filter, balise, fuser, voter, etcs; see `milepost run ",
+        ),
         ("run sensor", "run: UNIT: required: one of odometer-front, "),
         (
             "run sensr",
-            "run: ROLE: must be one of router, voter, fuser, filter, balise, sensor, world, not 'sensr'",
+            "run: ROLE: must be one of router, etcs, voter, fuser, filter, balise, sensor, world, not 'sensr'",
         ),
         ("rerun", "rerun: READINGS: required: recorded messages: "),
         ("rerun x", "rerun: --out: required: file for the settled states, one per line; see `milepost rerun --help`"),
@@ -159,6 +162,17 @@ def test_the_command_alone_shows_its_help(command: Command) -> None:
     said = command.run()
     assert "evaluate" in said.out + said.err
     assert "Usage:" in said.out + said.err
+
+
+@pytest.mark.parametrize(("words", "option"), [("feed", "--port"), ("up --feed 9470", "--feed")])
+def test_a_missing_library_of_the_web_server_is_one_line_that_says_what_to_install(
+    command: Command, monkeypatch: pytest.MonkeyPatch, words: str, option: str
+) -> None:
+    monkeypatch.setitem(sys.modules, "prometheus_client", None)
+    said = command.run(*words.split(), "--connect" if words == "feed" else "--listen", "tcp/127.0.0.1:1")
+    assert (said.code, said.out) == (2, "")
+    line = f"milepost: {words.split()[0]}: {option}: needs prometheus-client and gtfs-realtime-bindings: pip install "
+    assert said.err.splitlines()[-1].startswith(f"{line}'milepost[metrics]'")
 
 
 def test_events_are_listed_with_severity_and_meaning(command: Command) -> None:

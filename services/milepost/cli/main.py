@@ -17,6 +17,7 @@ from .campaign_command import campaign
 from .chaos_command import chaos
 from .helper_commands import display, observe, sentinel
 from .inject_command import FREE_OPTIONS, inject
+from .machines.etcs_command import etcs
 from .machines.feed_command import feed
 from .options import (
     DEFAULT_TRAIN,
@@ -52,6 +53,7 @@ def milepost(
 
 app.command()(up)
 app.command()(feed)
+app.command()(etcs)
 
 
 @app.command()
@@ -83,7 +85,7 @@ app.command(context_settings=FREE_OPTIONS)(inject)
 
 @app.command()
 def run(
-    role: Annotated[str, typer.Argument(help="One of router, world, sensor, filter, balise, fuser, voter.")],
+    role: Annotated[str, typer.Argument(help="One of router, world, sensor, filter, balise, fuser, voter, etcs.")],
     unit: Annotated[str, typer.Argument(help="The unit, for a sensor or a filter.")] = "",
     train: TrainOption = DEFAULT_TRAIN,
     connect: ConnectOption = [DEFAULT_ENDPOINT],  # noqa: B006
