@@ -112,6 +112,26 @@ def test_missing_epochs_steps_and_incomplete_states_are_counted_and_a_second_sta
     assert shown("state_resets_total") == 1.0
 
 
+def test_the_epochs_of_a_train_that_was_away_are_not_missing() -> None:
+    fleet = heard(state(100))
+    fleet.receive(state(100 + 2000), NOW + 40 * NS_PER_S)
+    assert Exported(fleet, NOW + 40 * NS_PER_S)("states_missing_total") == 0.0
+
+
+def test_no_series_is_there_twice_whatever_is_sent() -> None:
+    """Prometheus refuses the whole scrape otherwise."""
+    long = "a" * 200
+    odd = {f"{long}1": 1, f"{long}2": 2, 'quote " and \n end': 3, "": 4, "duplicate": 5}
+    sensors = [{"unit": "radar", "share": 0.5, "age_s": 0.0}] * 3
+    excluded = [{"unit": "radar", "reason": "silent", "kind": kind} for kind in ("silent", "late", None)]
+    fleet = heard(state(sensors=sensors, excluded=excluded, doubted=["radar", "radar"]), health(refused=odd))
+    fleet.alive("maglev-1", "filter-radar", "a1b2c3d4", True, NOW)
+    text = Exported(fleet).text
+    series = [line.rpartition(" ")[0] for line in text.splitlines() if not line.startswith("#")]
+    assert len(set(series)) == len(series)
+    assert Exported(fleet)("process_refused_total", process="filter-radar", reason='quote " and \n end') == 3.0
+
+
 def test_a_unit_that_goes_out_of_use_is_counted_each_time() -> None:
     left_out = [{"unit": "loop", "reason": "silent", "kind": "silent"}]
     fleet = heard(*(state(100 + i, excluded=left_out if i % 2 else []) for i in range(6)))

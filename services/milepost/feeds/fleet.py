@@ -18,6 +18,8 @@ FORGET_NS = 600 * NS_PER_S
 MOST_TRAINS, MOST_PROCESSES, MOST_INSTANCES = 256, 256, 16
 # of two fusers that speak at once the first state of an epoch counts; a train that begins again may begin earlier
 SAME_RUN_NS = NS_PER_S
+# what a train did not say for longer is not missing: it was away
+AWAY_NS = 30 * NS_PER_S
 LATENCY_S = (0.005, 0.01, 0.015, 0.02, 0.025, 0.03, 0.05, 0.1, 0.2, 0.5, 1.0)
 DELIVERY_S = (0.0005, 0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.5, 1.0)
 CODES = {row.code for row in EVENT_CODES}
@@ -72,7 +74,7 @@ class TrainView:
         before = {each.unit for each in last.excluded} if last is not None else set()
         for unit in {each.unit for each in state.excluded} - before:
             self.exclusions[unit] = self.exclusions.get(unit, 0) + 1
-        if last is not None:
+        if last is not None and now_ns - self.state_ns < AWAY_NS:
             self.missing += max(state.epoch - last.epoch - 1, 0)
         self.states += 1
         self.incomplete += bool(state.awaiting)

@@ -31,7 +31,7 @@ FAMILIES: dict[str, type[Any]] = {
     "info": InfoMetricFamily,
 }
 SEVERITIES = {row.code: row.severity for row in EVENT_CODES}
-# units of a state and reasons of a process; what a stranger sends beyond is left out
+# units of a state and reasons of a process, and letters of a reason; what a stranger sends beyond is left out
 MOST_LABELS = 64
 
 
@@ -129,8 +129,9 @@ def _process(labels: tuple[str, str], process: ProcessView) -> Iterator[Sample]:
     yield Sample("process_rewinds", labels, health.rewinds)
     yield Sample("process_gaps", labels, health.gaps)
     yield from _rates(labels, health)
-    for reason, count in list(health.refused.items())[:MOST_LABELS]:
-        yield Sample("process_refused", (*labels, reason[:MOST_LABELS]), count)
+    reasons = [reason for reason in health.refused if len(reason) <= MOST_LABELS]
+    for reason in reasons[:MOST_LABELS]:
+        yield Sample("process_refused", (*labels, reason), health.refused[reason])
     yield from _spread("process_step_seconds", labels, health.step_us, 1e-6)
     yield from _spread("process_delivery_seconds", labels, health.latency_ms, 1e-3)
 
