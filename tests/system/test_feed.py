@@ -6,13 +6,14 @@ import http.client
 import json
 import os
 import signal
+import socket
 import subprocess
 import sys
 import time
 import urllib.error
 import urllib.request
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -214,6 +215,16 @@ def test_a_feed_answers_before_there_is_a_router_and_ends_on_ctrl_c():
         feed_message.ParseFromString(get(port, "/vehicle-positions.pb").content)
         assert not feed_message.entity
         assert json.loads(get(port, "/trains.geojson").content) == {"type": "FeatureCollection", "features": []}
+
+
+def test_clients_that_say_nothing_keep_nobody_waiting():
+    port = free_port()
+    with feed(f"tcp/127.0.0.1:{free_port()}", port), ExitStack() as idle:
+        begun = time.monotonic()
+        for _ in range(50):
+            idle.enter_context(socket.create_connection(("127.0.0.1", port)))
+        assert get(port, "/metrics").status == 200
+        assert time.monotonic() - begun < 2.0
 
 
 def _answers(port: int) -> int | None:

@@ -270,8 +270,13 @@ def test_a_balise_group_is_reported_at_once_and_one_without_identity_is_no_refer
 
 
 def test_a_stop_and_a_start_are_reported_at_once() -> None:
-    found = reports(seen(0.0), seen(0.25, speed_mps=0.0), seen(0.5, speed_mps=0.0), seen(0.75))
-    assert [(at, why) for at, why, _ in found] == [(0.0, "first"), (0.25, "standstill_reached"), (0.75, "standstill_left")]
+    found = reports(seen(0.0), seen(0.25, speed_mps=0.0), seen(0.75, speed_mps=0.0), seen(1.3))
+    assert [(at, why) for at, why, _ in found] == [(0.0, "first"), (0.25, "standstill_reached"), (1.3, "standstill_left")]
+
+
+def test_a_train_that_crawls_at_the_threshold_reports_no_more_than_twice_a_period() -> None:
+    found = reports(*(seen(i * 0.02, speed_mps=0.06 if i % 2 else 0.0) for i in range(500)))
+    assert len(found) <= 20
 
 
 def test_a_second_state_of_an_epoch_is_not_reported() -> None:

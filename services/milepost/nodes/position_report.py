@@ -25,7 +25,7 @@ class PositionReportNode(Node):
         self._groups, self._on_board, self._every_ns = groups, on_board, every_ns
         self._last: FusedState | None = None
         self._group: BaliseGroup | None = None
-        self._reported_ns = 0
+        self._reported_ns = self._turned_ns = 0
 
     def step(self, message: Message, now_ns: int) -> Iterable[Output]:
         """A report, if one is due with this state; of two states of an epoch the first counts."""
@@ -47,7 +47,9 @@ class PositionReportNode(Node):
         if other_group:
             return "balise_group"
         stands, stood = (each.direction == "standstill" for each in (state, last))
-        if stands != stood:
+        # a train that crawls at the threshold stops and starts with every epoch: the periodic report says so soon enough
+        if stands != stood and state.measured_at_ns - self._turned_ns >= self._every_ns:
+            self._turned_ns = state.measured_at_ns
             return "standstill_reached" if stands else "standstill_left"
         return "time" if state.measured_at_ns - self._reported_ns >= self._every_ns else None
 

@@ -98,6 +98,8 @@ class Server(ThreadingHTTPServer):
     """The web server of a feed."""
 
     daemon_threads = True
+    # with the library's five, the sixth of several clients at once waits for a second
+    request_queue_size = 128
 
     def __init__(self, host: str, port: int, feed: Feed) -> None:
         self.address_family = socket.AF_INET6 if ":" in host else socket.AF_INET
