@@ -172,6 +172,7 @@ EXAMPLES: dict[str, tuple[Message, ...]] = {
             **head("etcs"),
             epoch=85_000_000_000,
             trigger="balise_group",
+            system_version=3,
             l_packet=138,
             q_scale=0,
             nid_lrbg=5768169,

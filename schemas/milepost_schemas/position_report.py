@@ -1,4 +1,4 @@
-"""The position report of ERTMS/ETCS (SUBSET-026-7, issue 4.0.0, packet 0), as variables and as bits."""
+"""The position report of ERTMS/ETCS (SUBSET-026-7, packet 0), as variables and as bits."""
 
 from __future__ import annotations
 
@@ -20,13 +20,14 @@ class PositionReport(Message):
 
     `packet_hex`: the `l_packet` bits of the packet, padded with zeros to whole bytes. Lengths are in steps of 10 cm,
     1 m or 10 m, by `q_scale` (0, 1, 2); 32767 is unknown or longer than 327.660 km. `nid_lrbg` 16777215: no balise group is
-    known.
+    known. `system_version` 3: as in issue 4.0.0; 2: as in issue 3.6.0, with 4 bits of `m_mode` and no code for standstill.
     """
 
     SCHEMA: ClassVar[str] = "position_report"
 
     epoch: Count
     trigger: Trigger
+    system_version: Annotated[int, Field(ge=2, le=3)]
     l_packet: Annotated[int, Field(ge=0, le=8191)]
     q_scale: Annotated[int, Field(ge=0, le=2)]
     nid_lrbg: Annotated[int, Field(ge=0, le=16777215)]
@@ -52,4 +53,6 @@ class PositionReport(Message):
             raise ValueError("nid_ntc stands where m_level is 1, and nowhere else")
         if len(self.packet_hex) // 2 != -(-self.l_packet // 8):
             raise ValueError("packet_hex must have l_packet bits")
+        if self.system_version == 2 and (self.m_mode > 15 or self.v_train > 120):
+            raise ValueError("system version 2 has neither these modes nor a code for standstill")
         return self

@@ -118,6 +118,21 @@ def test_a_report_with_integrity_and_a_national_system_by_hand() -> None:
     )
 
 
+def test_a_report_of_system_version_2_has_four_bits_of_mode_and_no_code_for_standstill() -> None:
+    """In stand by and level NTC 6: 122 bits, as such reports have in service."""
+    train = OnBoard(mode=6, level=1, nid_ntc=6, system_version=2)
+    group = BaliseGroup(1221807, 1000.0)
+    found = position_report(state(853.8, 839.91, 868.89, speed_mps=0.0), group, train)
+    assert found["l_packet"] == 122
+    assert (found["d_lrbg"], found["q_dlrbg"], found["l_doubtover"], found["l_doubtunder"]) == (1462, 0, 139, 151)
+    assert (found["v_train"], found["q_dirtrain"]) == (0, 2)
+    assert packed(found, 2) == bits(
+        "00000000 0000001111010 00 000100101010010010101111 000010110110110 01 00 000000010001011 000000010010111 00"
+        " 0000000 10 0110 001 00000110"
+    )
+    assert unpacked(packed(found, 2), 2) == found
+
+
 def test_without_a_balise_group_all_that_refers_to_one_is_unknown() -> None:
     found = position_report(state(1123.5, 1120.0, 1125.0), None, FULL)
     assert found["nid_lrbg"] == UNKNOWN_LRBG == 2**24 - 1
@@ -312,6 +327,7 @@ ROWS = [{"id": "a", "position_m": 10.0, "nid_bg": 5}, {"id": "b", "position_m": 
         ({"etcs": {**ETCS, "level": "3"}}, {}, "etcs.level: must be one of 0, ntc, 1, 2, not '3'"),
         ({"etcs": {**ETCS, "level": "ntc"}}, {}, "etcs: nid_ntc: is for level `ntc`, and is required there"),
         ({"etcs": {**ETCS, "nid_ntc": 6}}, {}, "etcs: nid_ntc: is for level `ntc`, and is required there"),
+        ({"etcs": {**ETCS, "mode": "automatic_driving", "system_version": 2}}, {}, "etcs: mode: automatic_driving needs "),
         ({}, {"balises": [ROWS[0]]}, "nid_c: required where balises have a `nid_bg`"),
         ({}, {"balises": ROWS, "nid_c": 1}, "balises.1.nid_bg: duplicate balise group 5"),
         ({}, {"balises": {"every_m": 10.0, "nid_bg_from": 16380}, "nid_c": 1}, "balises.nid_bg_from: the last of "),

@@ -1,6 +1,7 @@
-"""A fused state as the position report of ERTMS/ETCS: packet 0 of SUBSET-026-7, issue 4.0.0.
+"""A fused state as the position report of ERTMS/ETCS: packet 0 of SUBSET-026-7.
 
-SUBSET-026-7, 7.4.3.1 (the packet) and 7.5.1 (the variables); SUBSET-026-3, 3.6.5.1.2 (what they mean).
+SUBSET-026-7 (issue 4.0.0), 7.4.3.1 (the packet) and 7.5.1 (the variables); SUBSET-026-3, 3.6.5.1.2 (what they mean).
+Trackside of system version 2 expects the packet of issue 3.6.0: 4 bits of M_MODE, and no code for standstill in V_TRAIN.
 """
 
 from __future__ import annotations
@@ -21,10 +22,10 @@ UNKNOWN_LENGTH, LONGEST = 32767, 32766
 # exact: a tenth as a float is none, and what is rounded outwards must not end inside
 SCALES_M = (Fraction(1, 10), Fraction(1), Fraction(10))
 # 7 bits in steps of 5 km/h
-STEP_MPS, FASTEST, STANDSTILL = Fraction(25, 18), 120, 127
+STEP_MPS, FASTEST = Fraction(25, 18), 120
 LEVEL_NTC = 1
 CONFIRMED = (1, 2)
-# the variables in their order, with their bits; those in brackets stand only where a condition holds
+# the variables in their order, with their bits
 VARIABLES: tuple[tuple[str, int], ...] = (
     ("nid_packet", 8),
     ("l_packet", 13),
@@ -43,6 +44,14 @@ VARIABLES: tuple[tuple[str, int], ...] = (
     ("m_level", 3),
     ("nid_ntc", 8),
 )
+SYSTEM_VERSION = 3
+# by system version: the bits of M_MODE, and the code of standstill
+MODE_BITS, STANDSTILL = {2: 4, 3: 5}, {2: 0, 3: 127}
+
+
+def layout(system_version: int) -> list[tuple[str, int]]:
+    """The variables of a system version and their bits."""
+    return [(name, MODE_BITS[system_version] if name == "m_mode" else bits) for name, bits in VARIABLES]
 
 
 @dataclass(frozen=True)
@@ -68,6 +77,7 @@ class OnBoard:
     reverse: bool = False
     integrity: int = 0
     trainint_m: float | None = None
+    system_version: int = SYSTEM_VERSION
 
 
 class Distances(NamedTuple):
@@ -107,17 +117,18 @@ def position_report(state: FusedState, group: BaliseGroup | None, train: OnBoard
     }
     if train.integrity in CONFIRMED:
         found["l_trainint"] = min(math.ceil(train.trainint_m or 0.0), UNKNOWN_LENGTH)
-    found |= {"v_train": _v_train(state), "q_dirtrain": moving, "m_mode": train.mode, "m_level": train.level}
+    found |= {"v_train": _v_train(state, train.system_version), "q_dirtrain": moving}
+    found |= {"m_mode": train.mode, "m_level": train.level}
     if train.level == LEVEL_NTC:
         found["nid_ntc"] = train.nid_ntc or 0
-    found["l_packet"] = sum(bits for name, bits in VARIABLES if name in found)
+    found["l_packet"] = sum(bits for name, bits in layout(train.system_version) if name in found)
     return found
 
 
-def packed(variables: Mapping[str, int]) -> bytes:
+def packed(variables: Mapping[str, int], system_version: int = SYSTEM_VERSION) -> bytes:
     """The bits of a packet, most significant first, padded with zeros to whole bytes. Raises ValueError."""
     number = length = 0
-    for name, bits in VARIABLES:
+    for name, bits in layout(system_version):
         value = variables.get(name)
         if value is None:
             continue
@@ -128,11 +139,11 @@ def packed(variables: Mapping[str, int]) -> bytes:
     return (number << padding).to_bytes((length + padding) // 8, "big")
 
 
-def unpacked(packet: bytes) -> dict[str, int]:
+def unpacked(packet: bytes, system_version: int = SYSTEM_VERSION) -> dict[str, int]:
     """The variables of a packet 0. Raises ValueError for bytes that are none."""
     number, left = int.from_bytes(packet, "big"), 8 * len(packet)
     found: dict[str, int] = {}
-    for name, bits in VARIABLES:
+    for name, bits in layout(system_version):
         if (name == "l_trainint" and found["q_integrity"] not in CONFIRMED) or (
             name == "nid_ntc" and found["m_level"] != LEVEL_NTC
         ):
@@ -178,8 +189,8 @@ def _moving(state: FusedState, group: BaliseGroup) -> int:
     return NOMINAL if (state.direction == "forward") != group.reverse else REVERSE
 
 
-def _v_train(state: FusedState) -> int:
+def _v_train(state: FusedState, system_version: int) -> int:
     """The whole steps of 5 km/h."""
     if state.direction == "standstill":
-        return STANDSTILL
+        return STANDSTILL[system_version]
     return min(math.floor(abs(Fraction(state.speed_mps)) / STEP_MPS), FASTEST)

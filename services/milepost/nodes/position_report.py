@@ -55,9 +55,10 @@ class PositionReportNode(Node):
 
     def _report(self, state: FusedState, trigger: Trigger, now_ns: int) -> Output:
         variables = position_report(state, self._group, self._on_board)
-        packet = packed(variables)
+        system_version = self._on_board.system_version
+        packet = packed(variables, system_version)
         del variables["nid_packet"]
         head = self.head("position_report", state.measured_at_ns, now_ns)
-        body = {"epoch": state.epoch, "trigger": trigger, "packet_hex": packet.hex(), **variables}
-        report = PositionReport.model_validate({**head, **body})
+        why = {"epoch": state.epoch, "trigger": trigger, "system_version": system_version}
+        report = PositionReport.model_validate({**head, **why, **variables, "packet_hex": packet.hex()})
         return Output("position_report", "", report)
