@@ -198,7 +198,7 @@ def test_a_folder_as_the_file_to_write_is_one_line_and_exit_code_2(recorded, tmp
 # the command as it is, and a Ctrl-C that strikes at a known place: with the hundredth state
 INTERRUPTED = """
 import os, signal, sys
-import milepost.cli.rerun as rerun
+import milepost.cli.recording.rerun as rerun
 from milepost.cli.entry import main
 
 replay = rerun.replay

@@ -125,11 +125,11 @@ main()
     ("words", "line"),
     [
         ("campaign", "campaign: FILE: required: campaign file, or the name of one: "),
-        ("run", "run: ROLE: required: one of router, world, sensor, filter, balise, fuser, voter; see `milepost run --help`"),
+        ("run", "run: ROLE: required: one of router, world, sensor, filter, balise, fuser, voter, recorder; see `milepost run --help`"),
         ("run sensor", "run: UNIT: required: one of odometer-front, "),
         (
             "run sensr",
-            "run: ROLE: must be one of router, voter, fuser, filter, balise, sensor, world, not 'sensr'",
+            "run: ROLE: must be one of router, recorder, voter, fuser, filter, balise, sensor, world, not 'sensr'",
         ),
         ("rerun", "rerun: READINGS: required: recorded messages: "),
         ("rerun x", "rerun: --out: required: file for the settled states, one per line; see `milepost rerun --help`"),

@@ -17,11 +17,21 @@ from .campaign_command import campaign
 from .chaos_command import chaos
 from .helper_commands import display, observe, sentinel
 from .inject_command import FREE_OPTIONS, inject
-from .options import ConnectOption, JsonOption, StateDirOption, TrainOption, ZenohConfigOption, complete_scenario, show_versions
+from .options import (
+    DEFAULT_TRAIN,
+    ConnectOption,
+    JsonOption,
+    RecordOption,
+    StateDirOption,
+    TrainOption,
+    ZenohConfigOption,
+    complete_scenario,
+    show_versions,
+)
 from .pki_command import acl, pki
+from .recording.commands import export, info, replay, rerun
+from .run_command import run
 from .usage import UsageError, usage_line
-
-DEFAULT_TRAIN = Path("full")
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -65,12 +75,13 @@ def up(
             help="Only processes and tools with a certificate, each for its own keys. Made in the state folder if needed.",
         ),
     ] = False,
+    record: RecordOption = None,
 ) -> None:
     """Start a train and show it: a router, and one process for each sensor, each filter, the fuser and the balise service."""
     from .up import UpOptions, run_up
 
     found = find_file(train, "trains")
-    raise typer.Exit(run_up(UpOptions(found, duration, speed, report, headless, listen, state_dir, secure)))
+    raise typer.Exit(run_up(UpOptions(found, duration, speed, report, headless, listen, state_dir, secure, record)))
 
 
 @app.command()
@@ -100,41 +111,7 @@ def status(
 app.command(context_settings=FREE_OPTIONS)(inject)
 
 
-@app.command()
-def run(
-    role: Annotated[str, typer.Argument(help="One of router, world, sensor, filter, balise, fuser, voter.")],
-    unit: Annotated[str, typer.Argument(help="The unit, for a sensor or a filter.")] = "",
-    train: TrainOption = DEFAULT_TRAIN,
-    connect: ConnectOption = [DEFAULT_ENDPOINT],  # noqa: B006
-    zenoh_config: ZenohConfigOption = None,
-    listen: Annotated[list[str], typer.Option("--listen", help="Router only: endpoints to listen on.")] = [DEFAULT_ENDPOINT],  # noqa: B006
-    link: Annotated[list[str], typer.Option("--link", help="Router only: endpoint of another router to link with.")] = [],  # noqa: B006
-    config: Annotated[Path | None, typer.Option("--config", help="Router only: Zenoh configuration file to use.")] = None,
-    speed: Annotated[
-        float, typer.Option("--speed", min=0.01, max=1000.0, help="World only: scenario seconds per second of real time.")
-    ] = 1.0,
-    duration: Annotated[
-        float | None, typer.Option("--duration", min=0.1, help="Stop after this many seconds of scenario time.")
-    ] = None,
-    parent: Annotated[int | None, typer.Option("--parent", hidden=True)] = None,
-    state_dir: StateDirOption = None,
-) -> None:
-    """Run one process of a train, as compose.yaml does."""
-    from .run import run_role
-
-    run_role(
-        role,
-        unit,
-        find_file(train, "trains"),
-        zenoh_config or connect,
-        listen,
-        link,
-        config,
-        speed,
-        duration,
-        parent,
-        state_dir,
-    )
+app.command()(run)
 
 
 @app.command()
@@ -182,28 +159,8 @@ app.command()(campaign)
 app.command()(acl)
 app.add_typer(pki, name="pki")
 app.command()(chaos)
-
-
-@app.command()
-def rerun(
-    readings: Annotated[Path, typer.Argument(help="Recorded messages: one JSON object per line, in order of arrival.")],
-    out: Annotated[Path, typer.Option("--out", help="File for the settled states, one per line.")],
-    train: TrainOption = DEFAULT_TRAIN,
-    scenario: Annotated[
-        Path | None,
-        typer.Option(
-            "--scenario", autocompletion=complete_scenario, help="Scenario that was recorded: its train, with its changes."
-        ),
-    ] = None,
-    origin: Annotated[
-        str, typer.Option("--from", help="`readings` runs filters, balise service and fuser; `estimates` the fuser alone.")
-    ] = "readings",
-) -> None:
-    """Run recorded messages through the same nodes, faster than real time."""
-    from .rerun import run_rerun
-
-    found = None if scenario is None else find_file(scenario, "scenarios")
-    raise typer.Exit(run_rerun(readings, find_file(train, "trains"), found, out, origin))
+for recording in (rerun, info, export, replay):
+    app.command()(recording)
 
 
 @app.command()

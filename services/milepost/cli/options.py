@@ -9,6 +9,7 @@ import typer
 
 from milepost.config.shipped_files import names_in
 
+DEFAULT_TRAIN = Path("full")
 DISTRIBUTIONS = ("milepost", "milepost-schemas")
 
 
@@ -69,5 +70,11 @@ StateDirOption = Annotated[
     Path | None,
     typer.Option(
         "--state-dir", envvar="MILEPOST_STATE_DIR", help="Folder in which filters keep their calibration between runs."
+    ),
+]
+RecordOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--record", help="Folder in which everything that is sent is recorded, in MCAP files. Needs the extra `record`."
     ),
 ]

@@ -34,6 +34,8 @@ MEASURE_MEMORY_EVERY_S = 2.0
 # the configuration file of a process's session, by its name
 Files = Callable[[str], Path]
 MEASURING = ("sentinel", "observer")
+# what runs as long as the train does, and does not keep it running
+ATTENDING = ("display", "recorder", *MEASURING)
 
 
 @dataclass(frozen=True)
@@ -48,6 +50,7 @@ class UpOptions:
     listen: list[str]
     state_dir: Path | None
     secure: bool = False
+    record: Path | None = None
 
     @property
     def mode(self) -> Mode:
@@ -139,14 +142,19 @@ def _load(options: UpOptions) -> tuple[str, list[Job], Files | None]:
     from milepost.runtime.process import ProcessOptions
     from milepost.runtime.train_jobs import checked_world, train_jobs
 
+    from .up_jobs import recorder_jobs
+
     train = load_train(options.train_file)
     files = None
     if options.secure:
         from milepost.security.bundle import certified
 
         files = certified(train, options.state_dir, options.listen)
-    process = ProcessOptions(options.listen, options.speed, options.duration_s, os.getpid(), options.state_dir)
-    return train.name, list(train_jobs(train, checked_world(train, options.duration_s), process, files)), files
+    # it comes first, and the others wait for it: what is sent at the beginning is recorded too
+    recorder = list(recorder_jobs(train, options.record, options.listen, files))
+    awaits = tuple(job.name for job in recorder)
+    process = ProcessOptions(options.listen, options.speed, options.duration_s, os.getpid(), options.state_dir, awaits)
+    return train.name, recorder + list(train_jobs(train, checked_world(train, options.duration_s), process, files)), files
 
 
 @contextlib.contextmanager
@@ -182,7 +190,7 @@ def _telling(to_table: bool) -> Iterator[tuple[Callable[[str], None], int | None
 
 def _watch(supervisor: Supervisor, stop: StopSignals, tell: Callable[[str], None], measure: bool) -> float:
     """Until asked to stop, or the train's processes have ended by themselves. Returns the largest memory seen, in MiB."""
-    train = [child for child in supervisor.children if not is_router(child.name) and child.name not in ("display", *MEASURING)]
+    train = [child for child in supervisor.children if not is_router(child.name) and child.name not in ATTENDING]
     largest_mib, measure_at = 0.0, time.monotonic() + MEASURE_MEMORY_EVERY_S
     while not stop.wait(LOOK_EVERY_S):
         for sentence in supervisor.watch():

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
 
+from milepost.config.train import Train
 from milepost.runtime import train_jobs
 from milepost.runtime.launch import Job
 from milepost.runtime.zenoh_config import Connection, as_options
@@ -46,3 +48,20 @@ def measuring_jobs(connection: Connection, report: Path | None, stalls: Path) ->
     yield Job("sentinel", ("sentinel",), place, partial(run_sentinel, stalls), restart=False)
     options = (*place, "--report", str(report), *as_options(connection))
     yield Job("observer", ("observe",), options, partial(run_observe, connection, "*", report, stalls), restart=False)
+
+
+def recorder_jobs(
+    train: Train, folder: Path | None, endpoints: list[str], files: Callable[[str], Path] | None
+) -> Iterator[Job]:
+    """The recorder, if there is to be a recording. Raises ConfigError where the library for it is missing."""
+    if folder is None:
+        return
+    from milepost.recorder.library import need_mcap
+
+    need_mcap("up --record")
+    from milepost.runtime.recording.process import NAME, RecorderOptions, run_recorder
+
+    connection: Connection = endpoints if files is None else files(NAME)
+    options = ("--train", str(train.path), "--record", str(folder), *as_options(connection), "--parent", str(os.getpid()))
+    body = partial(run_recorder, train, RecorderOptions(folder, connection, parent=os.getpid()))
+    yield Job(NAME, ("run", NAME), options, body)

@@ -18,6 +18,8 @@ ROUTERS = ("router", "router-2")
 DISPATCH, CHAOS = "dispatch", "chaos"
 READERS = (DISPATCH, "display", "observer")
 TOOLS = (*READERS, CHAOS)
+# writes down what the others send, and tells how that is going
+RECORDER = "recorder"
 # procedures of the runtime: who remembers the fused state, all that a fuser knows, and when scenario time began
 LATEST, SNAPSHOT, BEGAN = "latest_feedback", "snapshot", "simulation_start"
 # beside a cached stream's key: its publisher's cache, heartbeat and token
@@ -47,13 +49,14 @@ class Access:
 
 def names(train: Train) -> list[str]:
     """Everybody who needs a certificate."""
-    return [*ROUTERS, *(process.name for process in processes(train, live=True)), *TOOLS]
+    return [*ROUTERS, *(process.name for process in processes(train, live=True)), *TOOLS, RECORDER]
 
 
 def accesses(train: Train) -> list[Access]:
     """The access of every process and tool; routers pass on everything. Raises ConfigError."""
     world = train.world() if train.file.world is not None else None
-    return [*(_of_process(train, process, world) for process in processes(train, live=True)), *_tools(train)]
+    trains = [_of_process(train, process, world) for process in processes(train, live=True)]
+    return [*trains, *_tools(train), _recorder(train)]
 
 
 def _of_process(train: Train, process: Process, world: World | None) -> Access:
@@ -112,6 +115,22 @@ def _tools(train: Train) -> Iterator[Access]:
     for name in READERS:
         yield Access(name, **read)
     yield Access(CHAOS, sends=_keys(train.name, [(BY_NAME["chaos"], "*")]) if train.file.chaos else (), **read)
+
+
+def _recorder(train: Train) -> Access:
+    received = [(stream, "*") for stream in STREAMS if stream.recorded]
+    event, health = BY_NAME["event"], BY_NAME["health"]
+    return Access(
+        RECORDER,
+        sends=_keys(train.name, [(event, ""), (health, RECORDER)]),
+        receives=_keys(train.name, received),
+        remembers=_keys(train.name, [(event, "")]),
+        recovers=_keys(train.name, [each for each in received if _is_recovered(each[0])]),
+        shows=(alive_key(train.name, RECORDER),),
+        watches=(alive_key(train.name, RECORDER),),
+        asks=(simulation_start_key(train.name),) if train.has_scenario_time else (),
+        hears=tuple(f"{key}/{CACHE}" for key in _keys("*", [(event, "*")])),
+    )
 
 
 def _of_any_unit(procedure: str) -> str:

@@ -13,7 +13,7 @@ from milepost.offline.message_log import Reader
 from milepost.offline.run import replay
 from milepost_schemas import FusedState
 
-from .progress import progress_bar
+from ..progress import progress_bar
 
 ORIGINS = {"readings": ("reading",), "estimates": ("estimate", "fix")}
 
@@ -22,7 +22,7 @@ def run_rerun(readings: Path, train_file: Path, scenario: Path | None, out: Path
     """Write the settled states of a recording; 1 if there are none. Raises ConfigError for files that cannot be used."""
     if origin not in ORIGINS:
         raise ConfigError("rerun", "--from", f"must be one of {', '.join(ORIGINS)}, not {origin!r}")
-    if not readings.is_file():
+    if not readings.exists():
         raise ConfigError(readings, "", "no such file")
     if not out.parent.is_dir():
         raise ConfigError(out, "", "its folder does not exist")
@@ -33,7 +33,7 @@ def run_rerun(readings: Path, train_file: Path, scenario: Path | None, out: Path
     begun, count, first, last = time.perf_counter(), 0, 0, 0
     partial = out.with_name(out.name + ".partial")
     try:
-        with partial.open("w", encoding="utf-8") as file, progress_bar("rerun", readings.stat().st_size) as show:
+        with partial.open("w", encoding="utf-8") as file, progress_bar("rerun", reader.size) as show:
 
             def settled(state: FusedState) -> None:
                 nonlocal count, first, last
