@@ -125,7 +125,10 @@ main()
     ("words", "line"),
     [
         ("campaign", "campaign: FILE: required: campaign file, or the name of one: "),
-        ("run", "run: ROLE: required: one of router, world, sensor, filter, balise, fuser, voter, recorder; see `milepost run --help`"),
+        (
+            "run",
+            "run: ROLE: required: one of router, world, sensor, filter, balise, fuser, voter, recorder; see `milepost run ",
+        ),
         ("run sensor", "run: UNIT: required: one of odometer-front, "),
         (
             "run sensr",

@@ -118,13 +118,8 @@ class Recorder:
             return
         if self._full is not None:
             self._full = None
-            self._say(
-                "info", "recording_resumed", f"recording goes on in {self.files[-1].name}; {self._lost} were not recorded"
-            )
-
-    @property
-    def _lost(self) -> str:
-        return f"{self.refused.get(DISK, 0)} messages"
+            text = f"recording goes on in {self.files[-1].name}; {self.refused.get(DISK, 0)} messages are missing"
+            self._say("info", "recording_resumed", text)
 
     def _open(self, now_ns: int) -> None:
         self._opened_ns = now_ns
