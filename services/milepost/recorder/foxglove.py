@@ -52,9 +52,10 @@ class FoxgloveFile:
 
     def add(self, row: Stream, message: Message, fields: dict[str, Any], at_ns: int) -> None:
         """Append a message; after a state with a place on the globe, that place. Raises OSError."""
+        del fields
         topic = "/" + row.key_for(message.train, message.unit)
         name = f"milepost.{row.message.SCHEMA}"
-        self._write(topic, name, json_schema(row.message), json.dumps(fields), message, at_ns)
+        self._write(topic, name, json_schema(row.message), message.model_dump_json(), message, at_ns)
         if isinstance(message, FusedState) and message.latitude_deg is not None and message.longitude_deg is not None:
             fix = json.dumps(location(message))
             self._write(f"/{row.key_for(message.train)}/location", LOCATION, json.dumps(LOCATION_SCHEMA), fix, message, at_ns)
