@@ -16,7 +16,8 @@ from examples import T0, examples_of
 from milepost.cli.schema import schema_files
 from milepost.recorder.columns import columns_of
 from milepost.recorder.export import export, outputs
-from milepost.recorder.file import Incoming, RecordingFile, head_of
+from milepost.recorder.file import RecordingFile
+from milepost.recorder.incoming import Incoming, head_of
 from milepost.recorder.reading import McapReader
 from milepost.recorder.rows import place_of, recorded_keys, row_of
 from milepost_schemas import STREAMS, FusedState, Stream, encode

@@ -351,3 +351,26 @@ def test_a_recorder_that_was_killed_is_restarted_and_the_folder_is_one_recording
 
 def test_the_examples_are_messages_of_one_train() -> None:
     assert {message.train for messages in EXAMPLES.values() for message in messages} == {"maglev-1"}
+
+
+def test_who_comes_late_asks_for_the_newest_state_and_for_the_last_minutes(router: str, tmp_path: Path) -> None:
+    key, encoding = f"{TOP}/state", zenoh.Encoding("application/msgpack;state/1")
+    with recording(router, tmp_path) as (_, outside):
+        for n in range(500):
+            outside.session.put(key, encode_state(n), encoding=encoding, congestion_control=zenoh.CongestionControl.BLOCK)
+        outside.wait_for(
+            lambda: any("state" in m["received_hz"] for m in outside.messages(f"{TOP}/health/recorder")), 10.0, "a count"
+        )
+        late = Outside(router)
+        newest = [reply.ok for reply in late.session.get(key)]
+        assert [each.payload.to_bytes() for each in newest if each] == [encode_state(499)]
+        assert str(newest[0].encoding) == str(encoding)
+        every = list(late.session.get(f"{key}?seconds=60", consolidation=zenoh.ConsolidationMode.NONE))
+        assert [reply.ok.payload.to_bytes() for reply in every] == [encode_state(n) for n in range(500)]
+        (wrong,) = late.session.get(f"{key}?seconds=soon")
+        assert wrong.err.payload.to_string() == "seconds: a number, not 'soon'"
+        late.close()
+
+
+def encode_state(sequence: int) -> bytes:
+    return encode(EXAMPLES["state"][0].model_copy(update={"train": "full-1", "sequence": sequence}))

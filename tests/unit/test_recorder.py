@@ -19,8 +19,10 @@ from mcap.writer import Writer
 
 from examples import T0, examples_of, head
 from milepost.config.errors import ConfigError
-from milepost.recorder.file import MOST_CHANNELS, Incoming, RecordingFile, head_of
+from milepost.recorder.file import MOST_CHANNELS, RecordingFile
 from milepost.recorder.gaps import Gaps, Run
+from milepost.recorder.history import BadQuestionError, History, seconds_asked_for
+from milepost.recorder.incoming import Incoming, head_of
 from milepost.recorder.limits import MIB, Limits
 from milepost.recorder.reading import McapReader, recordings_in
 from milepost.recorder.recorder import LOOK_AGAIN_NS, Recorder
@@ -429,3 +431,40 @@ def test_scenario_time_is_that_of_the_live_clock() -> None:
 
 def test_the_example_of_a_state_fits_its_row() -> None:
     assert all(head_of(encode(each)).published_ns == each.published_at_ns for each in examples_of(BY_NAME["state"]))
+
+
+class TestHistory:
+    def messages(self, history: History, count: int, every_ns: int = SECOND) -> list[Incoming]:
+        sent = [message(n, at_ns=T0 + n * every_ns) for n in range(count)]
+        for each in sent:
+            history.add(each)
+        return sent
+
+    def test_it_answers_the_newest_or_the_last_seconds_oldest_first(self) -> None:
+        history = History()
+        assert history.answer(None, T0) == []
+        sent = self.messages(history, 10)
+        now_ns = T0 + 9 * SECOND
+        assert history.answer(None, now_ns) == sent[-1:]
+        assert history.answer(3.0, now_ns) == sent[-4:]
+        assert history.answer(3.0, now_ns + 60 * SECOND) == []
+        assert history.answer(None, now_ns + 60 * SECOND) == sent[-1:], "the newest is kept however old it is"
+
+    def test_it_drops_what_is_too_old_or_too_much(self) -> None:
+        old = History(kept_s=5.0)
+        sent = self.messages(old, 20)
+        assert old.answer(300.0, T0) == sent[-6:]
+        small = History(most_bytes=3 * len(sent[0].payload) + 10)
+        self.messages(small, 20)
+        assert len(small.answer(300.0, T0)) == 3
+
+    @pytest.mark.parametrize(
+        ("parameters", "seconds"), [("", None), ("seconds=60", 60.0), ("a=1;seconds=0.5", 0.5), ("b", None)]
+    )
+    def test_a_question_says_how_far_back(self, parameters: str, seconds: float | None) -> None:
+        assert seconds_asked_for(parameters) == seconds
+
+    @pytest.mark.parametrize("parameters", ["seconds=", "seconds=all", "seconds=-1", "seconds=nan", "seconds=1e9"])
+    def test_a_question_that_makes_no_sense_is_told_why(self, parameters: str) -> None:
+        with pytest.raises(BadQuestionError, match="seconds: "):
+            seconds_asked_for(parameters)

@@ -12,7 +12,7 @@ from milepost.config.errors import ConfigError
 from milepost_schemas import Message, Refused, Stream, from_fields, unpack
 
 from .columns import RECEIVED
-from .file import Incoming
+from .incoming import Incoming
 from .reading import McapReader
 from .rows import row_of
 

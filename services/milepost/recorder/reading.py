@@ -19,7 +19,8 @@ from mcap.stream_reader import breakup_chunk
 
 from milepost.config.errors import ConfigError
 
-from .file import ENCODING, Incoming
+from .file import ENCODING
+from .incoming import Incoming
 from .rows import MSGPACK
 
 MAGIC = b"\x89MCAP0\r\n"

@@ -10,8 +10,9 @@ from typing import NamedTuple
 
 from milepost.config.errors import ConfigError
 
-from .file import Incoming, RecordingFile, TooManyKeys, head_of
+from .file import RecordingFile, TooManyKeys
 from .gaps import Gaps
+from .incoming import Incoming, head_of
 from .limits import MIB, Limits
 from .rows import row_of
 

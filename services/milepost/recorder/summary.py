@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from .file import Incoming, head_of
 from .gaps import Gaps, Run
+from .incoming import Incoming, head_of
 from .reading import McapReader
 from .rows import place_of, row_of
 

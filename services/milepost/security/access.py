@@ -9,6 +9,7 @@ from typing import Any
 from milepost.config.roles import ROLES, Process, Setting, processes
 from milepost.config.train import Train
 from milepost.nodes.base import Node
+from milepost.recorder.history import STREAMS as HISTORIES
 from milepost.sensors.base import World
 from milepost_schemas import BY_NAME, ROOT, STREAMS, Stream, alive_key, rpc_key, simulation_start_key
 
@@ -111,6 +112,8 @@ def _tools(train: Train) -> Iterator[Access]:
         "receives": (f"{ROOT}/**", *_keys("*", streams)),
         "recovers": _keys("*", [each for each in streams if each[0].cached]),
         "watches": (alive_key("*"),),
+        # what a recorder remembers of the last minutes
+        "asks": _keys("*", [(BY_NAME[name], "*") for name in HISTORIES]),
     }
     for name in READERS:
         yield Access(name, **read)
@@ -120,6 +123,7 @@ def _tools(train: Train) -> Iterator[Access]:
 def _recorder(train: Train) -> Access:
     received = [(stream, "*") for stream in STREAMS if stream.recorded]
     event, health = BY_NAME["event"], BY_NAME["health"]
+    histories = _keys(train.name, [(BY_NAME[name], "*") for name in HISTORIES])
     return Access(
         RECORDER,
         sends=_keys(train.name, [(event, ""), (health, RECORDER)]),
@@ -129,7 +133,8 @@ def _recorder(train: Train) -> Access:
         shows=(alive_key(train.name, RECORDER),),
         watches=(alive_key(train.name, RECORDER),),
         asks=(simulation_start_key(train.name),) if train.has_scenario_time else (),
-        hears=tuple(f"{key}/{CACHE}" for key in _keys("*", [(event, "*")])),
+        answers=histories,
+        hears=(*_keys("*", [(BY_NAME[name], "*") for name in HISTORIES]), f"{event.key_for('*')}/{CACHE}"),
     )
 
 

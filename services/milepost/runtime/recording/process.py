@@ -8,19 +8,24 @@ import queue
 import signal
 import time
 import uuid
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import zenoh
+
 from milepost.config.train import Train
 from milepost.nodes.base import Node
+from milepost.recorder.history import STREAMS as HISTORIES
+from milepost.recorder.history import BadQuestionError, History, seconds_asked_for
 from milepost.recorder.limits import Limits
 from milepost.recorder.recorder import Recorder
 from milepost.recorder.scenario_clock import SIMULATION, simulation_facts
-from milepost_schemas import STREAMS, Health, SimulationStart, simulation_start_key
+from milepost_schemas import BY_NAME, STREAMS, Health, SimulationStart, simulation_start_key
 
 from .. import zenoh_config
-from ..bus import Stop, ZenohBus, open_session
+from ..bus import Question, Stop, ZenohBus, open_session
 from ..clock import Clock
 from ..process import declare_alive, set_up_log, stop_on_signals
 from ..subscribing import subscriber
@@ -54,11 +59,12 @@ def run_recorder(train: Train, options: RecorderOptions) -> None:
         bus = ZenohBus(session, train.name)
         stop_on_signals(bus.inbox)
         intake = Intake()
-        writer = WriterThread(recorder, intake, lambda: bus.inbox.put(Stop()))
-        kept = _listen(session, train.name, intake)
+        histories = {BY_NAME[name].key_for(train.name): History() for name in HISTORIES}
+        writer = WriterThread(recorder, intake, lambda: bus.inbox.put(Stop()), histories)
+        kept = [*_listen(session, train.name, intake), *_offer(session, bus, histories)]
         log.info("recording %s to %s", train.name, options.folder)
         try:
-            _Reporter(train, bus, recorder, intake, writer).run(options.parent)
+            _Reporter(train, bus, recorder, intake, writer, histories).run(options.parent)
         finally:
             for each in kept:
                 each.undeclare()
@@ -75,15 +81,29 @@ def _listen(session: Any, train: str, intake: Intake) -> list[Any]:
     return [subscriber(session, row, row.key_for(train), receive) for row in rows.values()]
 
 
-class _Reporter:
-    """Tells once a second how the recording is doing, and what has happened to it."""
+def _offer(session: Any, bus: ZenohBus, histories: Mapping[str, History]) -> list[Any]:
+    """Take questions for what was said lately; they are answered elsewhere, so that what is recorded does not wait."""
+    return [session.declare_queryable(key, lambda query, key=key: bus.inbox.put(Question(key, query))) for key in histories]
 
-    def __init__(self, train: Train, bus: ZenohBus, recorder: Recorder, intake: Intake, writer: WriterThread) -> None:
+
+class _Reporter:
+    """Answers for what was said lately, and tells once a second how the recording is doing and what has happened to it."""
+
+    def __init__(
+        self,
+        train: Train,
+        bus: ZenohBus,
+        recorder: Recorder,
+        intake: Intake,
+        writer: WriterThread,
+        histories: Mapping[str, History],
+    ) -> None:
         self._train = train
         self._bus = bus
         self._recorder = recorder
         self._intake = intake
         self._writer = writer
+        self._histories = histories
         self._node = Node(train.name, NAME, uuid.uuid4().hex[:8])
         self._clock = Clock()
         self._start: SimulationStart | None = None
@@ -97,11 +117,25 @@ class _Reporter:
         due = time.monotonic()
         while parent is None or os.getppid() == parent:
             try:
-                if isinstance(self._bus.inbox.get(timeout=max(0.0, due - time.monotonic())), Stop):
-                    return
+                item = self._bus.inbox.get(timeout=max(0.0, due - time.monotonic()))
             except queue.Empty:
                 self._once_a_second()
                 due += 1.0
+                continue
+            if isinstance(item, Stop):
+                return
+            if isinstance(item, Question):
+                self._answer(item)
+
+    def _answer(self, question: Question) -> None:
+        with question.query as query:
+            try:
+                seconds = seconds_asked_for(str(query.parameters))
+            except BadQuestionError as error:
+                query.reply_err(str(error), encoding="text/plain")
+                return
+            for message in self._histories[question.procedure].answer(seconds, time.time_ns()):
+                query.reply(message.key, message.payload, encoding=zenoh.Encoding(message.encoding))
 
     def _once_a_second(self) -> None:
         if self._train.has_scenario_time and self._start is None:

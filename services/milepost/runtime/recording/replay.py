@@ -15,7 +15,7 @@ from typing import Any
 
 import zenoh
 
-from milepost.recorder.file import Incoming
+from milepost.recorder.incoming import Incoming
 from milepost.recorder.reading import McapReader
 from milepost.recorder.rows import place_of, row_of
 

@@ -6,10 +6,11 @@ import contextlib
 import queue
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
-from milepost.recorder.file import Incoming
+from milepost.recorder.history import History
+from milepost.recorder.incoming import Incoming
 from milepost.recorder.recorder import Recorder
 
 from .intake import Intake, Waiting
@@ -18,12 +19,18 @@ FLUSH_EVERY_S = 0.5
 
 
 class WriterThread:
-    """Writes what waits in an intake until it is told to end. `failed` is called from the thread where there is a bug in it."""
+    """Writes what waits in an intake until it is told to end, and keeps some of it for `histories`, by key.
 
-    def __init__(self, recorder: Recorder, intake: Intake, failed: Callable[[], None]) -> None:
+    `failed` is called from the thread where there is a bug in it.
+    """
+
+    def __init__(
+        self, recorder: Recorder, intake: Intake, failed: Callable[[], None], histories: Mapping[str, History] | None = None
+    ) -> None:
         self._recorder = recorder
         self._intake = intake
         self._failed = failed
+        self._histories = histories or {}
         self._error: Exception | None = None
         self._thread = threading.Thread(target=self._guarded, name="writer", daemon=True)
         self._thread.start()
@@ -53,8 +60,7 @@ class WriterThread:
             with contextlib.suppress(queue.Empty):
                 item = self._intake.get(due - time.monotonic())
             if isinstance(item, Waiting):
-                sample = item.sample
-                recorder.add(Incoming(item.key, str(sample.encoding), item.at_ns, sample.payload.to_bytes()))
+                self._take(item)
             elif item is None:
                 recorder.close(time.time_ns())
                 return
@@ -63,3 +69,10 @@ class WriterThread:
             if time.monotonic() >= due:
                 recorder.check(time.time_ns())
                 due = time.monotonic() + FLUSH_EVERY_S
+
+    def _take(self, item: Waiting) -> None:
+        message = Incoming(item.key, str(item.sample.encoding), item.at_ns, item.sample.payload.to_bytes())
+        history = self._histories.get(item.key)
+        if history is not None:
+            history.add(message)
+        self._recorder.add(message)
