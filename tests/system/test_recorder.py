@@ -224,8 +224,9 @@ def drive(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Banks]:
     stack, outside = start("full", "--listen", f"tcp/127.0.0.1:{free_port()}", "--record", str(folder))
     try:
         outside.wait_state(f"{TOP}/state", lambda m: m["status"] == "normal", 60.0, "a normal state")
-        for unit, kind, number, size in (("radar-front", "bias", "size", 2.0), ("radar-rear", "delay", "seconds", 0.4)):
-            send_command(stack.endpoints, "full-1", unit, {"kind": kind, "numbers": {number: size}, "words": {}, "flags": {}})
+        for unit, kind, number, size in (("radar-front", "bias", "size", 2.0), ("radar-rear", "delay", "by_s", 0.4)):
+            fields = {"kind": kind, "numbers": {number: size}, "words": {}, "flags": {}}
+            assert send_command(stack.endpoints, "full-1", unit, fields).code == "fault_injected"
 
         def excludes(state: dict) -> bool:
             return any(entry["unit"] == "radar-front" for entry in state["excluded"])
@@ -251,6 +252,17 @@ def test_a_drive_is_recorded_from_its_first_message_to_its_last(drive: tuple[Pat
         # a tool numbers its commands by itself, and a sensor that sends late has its own order
         assert run.missing == 0, sender
         assert run.first == 0, sender
+
+
+def test_the_drive_has_readings_that_came_late(drive: tuple[Path, Banks]) -> None:
+    late = [
+        message
+        for file in recordings_in(drive[0])
+        for message in McapReader(file).messages()
+        if message.key.endswith("/reading/radar-rear")
+        and message.at_ns - msgpack.unpackb(message.payload)["measured_at_ns"] > 0.4 * SECOND
+    ]
+    assert len(late) > 20
 
 
 @pytest.mark.parametrize("origin", ["readings", "estimates"])

@@ -53,14 +53,16 @@ def measuring_jobs(connection: Connection, report: Path | None, stalls: Path) ->
 def recorder_jobs(
     train: Train, folder: Path | None, endpoints: list[str], files: Callable[[str], Path] | None
 ) -> Iterator[Job]:
-    """The recorder, if there is to be a recording. Raises ConfigError where the library for it is missing."""
+    """The recorder, if there is to be a recording. Raises ConfigError where its library is missing or its folder cannot be."""
     if folder is None:
         return
     from milepost.recorder.library import need_mcap
 
     need_mcap("up --record")
+    from milepost.recorder.recorder import prepare
     from milepost.runtime.recording.process import NAME, RecorderOptions, run_recorder
 
+    prepare(folder)
     connection: Connection = endpoints if files is None else files(NAME)
     options = ("--train", str(train.path), "--record", str(folder), *as_options(connection), "--parent", str(os.getpid()))
     body = partial(run_recorder, train, RecorderOptions(folder, connection, parent=os.getpid()))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+import tempfile
 from collections.abc import Callable, Mapping
 from datetime import UTC, datetime
 from pathlib import Path
@@ -35,6 +36,15 @@ def free_bytes(folder: Path) -> int:
     return shutil.disk_usage(folder).free
 
 
+def prepare(folder: Path) -> None:
+    """Make the folder of a recording. Raises ConfigError where nothing can be written to it."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        tempfile.TemporaryFile(dir=folder).close()
+    except OSError as error:
+        raise ConfigError(folder, "", f"cannot record there: {error.strerror}") from error
+
+
 class Recorder:
     """Writes messages to files in a folder. Times are UTC; the caller asks for a `check` at least once a second.
 
@@ -56,8 +66,8 @@ class Recorder:
         self.refused: dict[str, int] = {}
         self.gaps = Gaps()
         self.files: list[Path] = []
+        prepare(folder)
         try:
-            folder.mkdir(parents=True, exist_ok=True)
             if not self._too_little_room(1.0, now_ns):
                 self._open(now_ns)
         except OSError as error:

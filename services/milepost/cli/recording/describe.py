@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from milepost.recorder.summary import Summary
 
 MIB = 1 << 20
-SHOWN_GAPS = 3
+SHOWN_GAPS, SHOWN_UNITS = 3, 7
 
 
 def run_info(recording: Path, as_json: bool) -> int:
@@ -54,10 +54,15 @@ def _print(summary: Summary) -> None:
     for row in found["streams"]:
         rate, kib = row["messages"] / span_s, row["bytes"] / 1024
         head = f"{row['train']:16} {row['stream']:18} {row['messages']:9} {rate:10.1f} {kib:9.0f} {row['missing']:8}"
-        print(f"{head}  {', '.join(row['units'])}".rstrip())
+        print(f"{head}  {_some(row['units'])}".rstrip())
     for sender in found["senders"]:
         if sender["missing"] or sender["repeated"]:
             print(_gaps(sender))
+
+
+def _some(units: list[str]) -> str:
+    more = len(units) - SHOWN_UNITS
+    return ", ".join(units[:SHOWN_UNITS]) + (f" and {more} more" if more > 0 else "")
 
 
 def _gaps(sender: dict[str, Any]) -> str:
