@@ -29,11 +29,15 @@ class Entry(NamedTuple):
 
 
 class Source(Protocol):
-    """A file of recorded messages. `noun`: what an entry of it is called."""
+    """A file of recorded messages. `noun`: what an entry of it is called.
+
+    `fingerprint`: of the settings with which the train ran, once it has been read; empty where the file does not say.
+    """
 
     path: Path
     noun: str
     read_bytes: int
+    fingerprint: str
 
     def entries(self) -> Iterator[tuple[int, Entry | Refused]]:
         """Each entry's number, from 1, and the entry, or why it is none."""
@@ -61,6 +65,7 @@ class JsonLines:
     path: Path
     read_bytes: int = 0
     noun: str = "line"
+    fingerprint: str = ""
 
     def entries(self) -> Iterator[tuple[int, Entry | Refused]]:
         """Each line that is not empty."""
@@ -92,6 +97,7 @@ class McapFile:
     path: Path
     read_bytes: int = 0
     noun: str = "message"
+    fingerprint: str = ""
 
     def __post_init__(self) -> None:
         self.noun = f"{self.path.name}: message"
@@ -99,10 +105,11 @@ class McapFile:
     def entries(self) -> Iterator[tuple[int, Entry | Refused]]:
         """Each message, received at the time that the train's processes went by."""
         from milepost.recorder.reading import McapReader
-        from milepost.recorder.scenario_clock import ScenarioClock
+        from milepost.recorder.scenario_clock import MADE_OF, ScenarioClock
 
         reader = McapReader(self.path)
-        clock = ScenarioClock.of(reader.read_metadata())
+        metadata = reader.read_metadata()
+        clock, self.fingerprint = ScenarioClock.of(metadata), metadata.get(MADE_OF, {}).get("fingerprint", "")
         for number, message in enumerate(reader.messages(), start=1):
             self.read_bytes = reader.read_bytes
             yield (

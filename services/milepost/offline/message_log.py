@@ -53,6 +53,10 @@ class Reader:
         """How much has been read."""
         return sum(source.read_bytes for source in self.sources)
 
+    def made_otherwise(self, fingerprint: str) -> list[Path]:
+        """The files whose train ran with other settings or another version, among those that say so and have been read."""
+        return [source.path for source in self.sources if source.fingerprint not in ("", fingerprint)]
+
     def messages(self) -> Iterator[tuple[str, str, Message, int]]:
         """(stream, unit, message, received_at_ns) of every message of the wanted kinds ("reading", "estimate", "fix")."""
         latest_ns = 0

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-SIMULATION = "simulation"
+# the names of what a recorder writes about a recording: its scenario time, and the train file and version it was made with
+SIMULATION, MADE_OF = "simulation", "train"
 
 
 def simulation_facts(start_ns: int, speed: float) -> dict[str, str]:

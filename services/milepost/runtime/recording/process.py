@@ -15,13 +15,14 @@ from typing import Any
 
 import zenoh
 
+from milepost.config.fusion_settings import fingerprint
 from milepost.config.train import Train
 from milepost.nodes.base import Node
 from milepost.recorder.history import STREAMS as HISTORIES
 from milepost.recorder.history import BadQuestionError, History, seconds_asked_for
 from milepost.recorder.limits import Limits
 from milepost.recorder.recorder import Recorder
-from milepost.recorder.scenario_clock import SIMULATION, simulation_facts
+from milepost.recorder.scenario_clock import MADE_OF, SIMULATION, simulation_facts
 from milepost_schemas import BY_NAME, STREAMS, Health, SimulationStart, simulation_start_key
 
 from .. import zenoh_config
@@ -53,6 +54,7 @@ def run_recorder(train: Train, options: RecorderOptions) -> None:
     """Record a train until stopped. Raises ConfigError for a folder that cannot be written."""
     set_up_log(NAME)
     recorder = Recorder(options.folder, train.name, options.limits, time.time_ns())
+    recorder.describe(MADE_OF, {"file": train.path.name, "fingerprint": fingerprint(train)}, time.time_ns())
     # opening waits for a router inside Zenoh, where Python cannot see a signal
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     with open_session(zenoh_config.client(options.connection)) as session:
