@@ -283,6 +283,7 @@ class TestTheDisk:
         disk.free = 2 * MIB
         made.check(T0 + SECOND + 3 * LOOK_AGAIN_NS)
         made.add(message(2))
+        made.check(T0 + 2 * SECOND + 3 * LOOK_AGAIN_NS)
         made.close(T0)
         assert codes(made) == ["recording_stopped", "recording_resumed"]
         assert "1 messages are missing" in made.notices[-1].text
@@ -314,9 +315,26 @@ class TestTheDisk:
         assert "No space left on device" in made.notices[0].text
         made.check(T0 + 2 * SECOND + 2 * LOOK_AGAIN_NS)
         made.add(message(3))
+        made.check(T0 + 3 * SECOND + 2 * LOOK_AGAIN_NS)
         made.close(T0)
         assert codes(made) == ["recording_stopped", "recording_resumed"]
         assert message(1).payload in [each.payload for each in recorded(made.files[0])]
+
+    def test_a_disk_that_goes_on_refusing_is_not_littered_with_empty_files(
+        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        def full(_: int) -> None:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+        made = recorder(tmp_path)
+        monkeypatch.setattr("os.fdatasync", full)
+        for second in range(60):
+            made.add(message(second))
+            made.check(T0 + second * SECOND)
+        assert codes(made) == ["recording_stopped"]
+        assert list(tmp_path.iterdir()) == made.files
+        assert len(made.files) <= 1
+        assert made.refused == {"disk": 60}
 
     def test_a_folder_that_cannot_be_is_one_line(self, tmp_path: Path) -> None:
         (tmp_path / "file").write_text("")

@@ -8,6 +8,7 @@ log time             the receipt, UTC;  publish time: the message's own `publish
 
 from __future__ import annotations
 
+import contextlib
 import os
 from collections.abc import Mapping
 from pathlib import Path
@@ -38,6 +39,7 @@ class RecordingFile:
     def __init__(self, path: Path) -> None:
         self.path = path
         self.unflushed = 0
+        self._kept = False
         self._file = path.open("xb")
         # the library's stubs leave half of its methods untyped
         self._writer: Any = Writer(self._file, chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD)
@@ -66,7 +68,7 @@ class RecordingFile:
         """Finish the chunk, and have the disk take it. Raises OSError."""
         self._writer.flush()
         os.fdatasync(self._file.fileno())
-        self.unflushed = 0
+        self.unflushed, self._kept = 0, True
 
     def close(self) -> None:
         """Finish the file with its index. Raises OSError."""
@@ -74,16 +76,17 @@ class RecordingFile:
             self._writer.finish()
             self._file.flush()
             os.fsync(self._file.fileno())
-            self.unflushed = 0
+            self.unflushed, self._kept = 0, True
         finally:
             self.abandon()
 
     def abandon(self) -> None:
-        """Close a file that can be written no more, as it is."""
-        try:
+        """Close a file that can be written no more, as it is; one to which nothing was ever written goes."""
+        # closing writes what the buffer holds, which may fail as well; it is closed all the same
+        with contextlib.suppress(OSError):
             self._file.close()
-        except OSError:  # what its buffer holds cannot be written either
-            self._file.raw.close()
+        if not self._kept:
+            self.path.unlink(missing_ok=True)
 
     def _register(self, key: str, encoding: str) -> int:
         if len(self._channels) >= MOST_CHANNELS:

@@ -110,6 +110,10 @@ class Recorder:
             return
         if not self._write(RecordingFile.flush, now_ns) or self._too_little_room(1.0, now_ns):
             return
+        if self._full is not None:  # the disk has taken something again
+            self._full = None
+            text = f"recording goes on in {self.files[-1].name}; {self.refused.get(DISK, 0)} messages are missing"
+            self._say("info", "recording_resumed", text)
         if self._file.size >= self._limits.rotate_bytes or now_ns - self._opened_ns >= self._limits.rotate_s * NS_PER_S:
             self.close(now_ns)
             self._go_on(now_ns)
@@ -126,11 +130,6 @@ class Recorder:
             self._open(now_ns)
         except OSError as error:
             self._failed(error, now_ns)
-            return
-        if self._full is not None:
-            self._full = None
-            text = f"recording goes on in {self.files[-1].name}; {self.refused.get(DISK, 0)} messages are missing"
-            self._say("info", "recording_resumed", text)
 
     def _open(self, now_ns: int) -> None:
         self._opened_ns = now_ns
@@ -167,6 +166,7 @@ class Recorder:
         if self._file is not None:
             self._refuse(DISK, self._file.unflushed)
             self._file.abandon()
+            self.files = [path for path in self.files if path.exists()]
             self._file = None
         self._stop(f"{self._folder} cannot be written: {error.strerror}", now_ns)
 
