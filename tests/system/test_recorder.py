@@ -19,7 +19,7 @@ from mcap.exceptions import EndOfFile
 from mcap.records import Channel, Message
 from mcap.stream_reader import StreamReader
 
-from conftest import Outside, free_port, start
+from conftest import Outside, Stack, free_port, start
 from examples import EXAMPLES, head
 from milepost.config.roles import ROLES, Setting
 from milepost.config.shipped_files import find_file
@@ -28,6 +28,7 @@ from milepost.offline.message_log import Reader
 from milepost.offline.run import OfflineRun
 from milepost.recorder.reading import McapReader, recordings_in
 from milepost.recorder.summary import Summary
+from milepost.runtime import zenoh_config
 from milepost.runtime.chaos import send_command
 from milepost_schemas import SpeedReading, encode
 
@@ -386,3 +387,31 @@ def test_who_comes_late_asks_for_the_newest_state_and_for_the_last_minutes(route
 
 def encode_state(sequence: int) -> bytes:
     return encode(EXAMPLES["state"][0].model_copy(update={"train": "full-1", "sequence": sequence}))
+
+
+def test_a_secure_train_is_recorded_without_a_refusal_and_its_tools_may_ask_for_what_was(tmp_path: Path) -> None:
+    pytest.importorskip("cryptography")
+    folder, top = tmp_path / "recording", "milepost/v1/maglev-1"
+    stack = Stack("maglev", "--secure", "--state-dir", str(tmp_path / "state"), "--record", str(folder))
+    try:
+        dispatch = tmp_path / "state/pki/maglev-1/dispatch/session.json5"
+        deadline = time.monotonic() + 40.0
+        while not any(line.startswith("milepost: first state") for line in stack.errors):
+            assert time.monotonic() < deadline, "".join(stack.errors)
+            time.sleep(0.05)
+        with zenoh.open(zenoh.Config.from_json5(json.dumps(zenoh_config.tool(dispatch)))) as session:
+            last: list[int] = []
+            while len(last) < 100 and time.monotonic() < deadline:
+                asked = session.get(f"{top}/state?seconds=60", consolidation=zenoh.ConsolidationMode.NONE)
+                last = [msgpack.unpackb(reply.ok.payload.to_bytes())["sequence"] for reply in asked if reply.ok]
+            assert last == list(range(last[0], last[0] + len(last)))
+    finally:
+        code = stack.stop()
+    assert code == 0, "".join(stack.errors)
+    found = Summary().read(recordings_in(folder))
+    assert {sender.stream for sender in found.senders} >= {"speed_reading", "estimate", "feedback", "state", "health", "truth"}
+    assert all(run.missing == 0 for run in found.senders.values())
+    events = [
+        msgpack.unpackb(m.payload) for m in McapReader(folder / found.files[0].path.name).messages() if m.key == f"{top}/event"
+    ]
+    assert not [event for event in events if event["code"] in ("access_refused", "connection_refused")]
