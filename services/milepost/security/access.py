@@ -129,7 +129,7 @@ def _recorder(train: Train) -> Access:
         sends=_keys(train.name, [(event, ""), (health, RECORDER)]),
         receives=_keys(train.name, received),
         remembers=_keys(train.name, [(event, "")]),
-        recovers=_keys(train.name, [each for each in received if _is_recovered(each[0])]),
+        recovers=_keys(train.name, [each for each in received if each[0].cached]),
         shows=(alive_key(train.name, RECORDER),),
         watches=(alive_key(train.name, RECORDER),),
         asks=(simulation_start_key(train.name),) if train.has_scenario_time else (),

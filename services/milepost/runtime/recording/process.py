@@ -80,7 +80,7 @@ def _listen(session: Any, train: str, intake: Intake) -> list[Any]:
         intake.put(str(sample.key_expr), time.time_ns(), sample)
 
     rows = {row.key: row for row in reversed(STREAMS) if row.recorded}
-    return [subscriber(session, row, row.key_for(train), receive) for row in rows.values()]
+    return [subscriber(session, row, row.key_for(train), receive, paced_too=True) for row in rows.values()]
 
 
 def _offer(session: Any, bus: ZenohBus, histories: Mapping[str, History]) -> list[Any]:
