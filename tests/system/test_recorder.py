@@ -452,5 +452,5 @@ def test_a_router_that_dies_costs_a_recording_no_state_and_no_feedback(tmp_path:
         assert stack.stop() == 0, "".join(stack.errors)
     found = Summary().read(recordings_in(folder))
     runs = {sender: run for sender, run in found.senders.items() if BY_NAME[sender.stream].cached}
-    assert {sender.stream for sender in runs} >= {"state", "feedback", "event"}
+    assert {sender.stream for sender in runs} >= {"state", "feedback"}
     assert {sender: run.gaps for sender, run in runs.items() if run.missing} == {}
