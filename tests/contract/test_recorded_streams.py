@@ -26,7 +26,7 @@ RECORDED = [row for row in STREAMS if row.recorded]
 each_row = pytest.mark.parametrize("row", RECORDED, ids=lambda row: row.name)
 # numbers that have no unit, beside counts and shares
 BARE = re.compile(
-    r"(sequence|epoch|share|rewinds|gaps|satellites|hdop|numbers|component|rewinds|mean|covariance|step_us\.\w+|latency_ms\.\w+)$"
+    r"(sequence|epoch|share|rewinds|gaps|satellites|hdop|component|system_version|mean|covariance|step_us\.\w+|latency_ms\.\w+)$"
 )
 UNIT = re.compile(r"_(m|m2|mps|mps2|m2ps2|radps|s|ns|us|ms|hz|deg)$")
 

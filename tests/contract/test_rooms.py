@@ -25,6 +25,7 @@ FLOORS = (
     "recorder",
     "config",
     "nodes",
+    "feeds",
     "sensors",
     "simulation",
     "recordings",

@@ -17,13 +17,11 @@ from .campaign_command import campaign
 from .chaos_command import chaos
 from .helper_commands import display, observe, sentinel
 from .inject_command import FREE_OPTIONS, inject
+from .machines.etcs_command import etcs
+from .machines.feed_command import feed
 from .options import (
-    DEFAULT_TRAIN,
     ConnectOption,
     JsonOption,
-    RecordOption,
-    StateDirOption,
-    TrainOption,
     ZenohConfigOption,
     complete_scenario,
     show_versions,
@@ -31,6 +29,7 @@ from .options import (
 from .pki_command import acl, pki
 from .recording.commands import export, info, replay, rerun
 from .run_command import run
+from .up_command import up
 from .usage import UsageError, usage_line
 
 app = typer.Typer(
@@ -51,37 +50,9 @@ def milepost(
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
-@app.command()
-def up(
-    train: TrainOption = DEFAULT_TRAIN,
-    duration: Annotated[
-        float | None, typer.Option("--duration", min=0.1, help="Stop after this many seconds of scenario time.")
-    ] = None,
-    speed: Annotated[
-        float, typer.Option("--speed", min=0.01, max=1000.0, help="Scenario seconds per second of real time.")
-    ] = 1.0,
-    report: Annotated[
-        Path | None, typer.Option("--report", help="When the run ends, write what was measured to this JSON file.")
-    ] = None,
-    headless: Annotated[bool, typer.Option("--headless", help="Show no live table.")] = False,
-    listen: Annotated[
-        list[str], typer.Option("--listen", help="Endpoint on which the router listens. Repeat it for a second router.")
-    ] = [DEFAULT_ENDPOINT],  # noqa: B006
-    state_dir: StateDirOption = None,
-    secure: Annotated[
-        bool,
-        typer.Option(
-            "--secure",
-            help="Only processes and tools with a certificate, each for its own keys. Made in the state folder if needed.",
-        ),
-    ] = False,
-    record: RecordOption = None,
-) -> None:
-    """Start a train and show it: a router, and one process for each sensor, each filter, the fuser and the balise service."""
-    from .up import UpOptions, run_up
-
-    found = find_file(train, "trains")
-    raise typer.Exit(run_up(UpOptions(found, duration, speed, report, headless, listen, state_dir, secure, record)))
+app.command()(up)
+app.command()(feed)
+app.command()(etcs)
 
 
 @app.command()
@@ -164,11 +135,14 @@ for recording in (rerun, info, export, replay):
 
 
 @app.command()
-def events(as_json: JsonOption = False) -> None:
-    """Show every event that processes send: its code, how bad it is, and what it means."""
-    from .events import run_events
+def events(
+    as_json: JsonOption = False,
+    as_rules: Annotated[bool, typer.Option("--prometheus", help="Print alert rules for Prometheus.")] = False,
+) -> None:
+    """Show every event that processes send: its code, how bad it is, and what it means; with --json also what to do."""
+    from .machines.events import run_events
 
-    run_events(as_json)
+    run_events(as_json, as_rules)
 
 
 @app.command()

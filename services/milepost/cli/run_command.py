@@ -14,7 +14,7 @@ from .options import DEFAULT_TRAIN, ConnectOption, RecordOption, StateDirOption,
 
 
 def run(
-    role: Annotated[str, typer.Argument(help="One of router, world, sensor, filter, balise, fuser, voter, recorder.")],
+    role: Annotated[str, typer.Argument(help="One of router, world, sensor, filter, balise, fuser, voter, etcs, recorder.")],
     unit: Annotated[str, typer.Argument(help="The unit, for a sensor or a filter.")] = "",
     train: TrainOption = DEFAULT_TRAIN,
     connect: ConnectOption = [DEFAULT_ENDPOINT],  # noqa: B006

@@ -34,8 +34,8 @@ MEASURE_MEMORY_EVERY_S = 2.0
 # the configuration file of a process's session, by its name
 Files = Callable[[str], Path]
 MEASURING = ("sentinel", "observer")
-# what runs as long as the train does, and does not keep it running
-ATTENDING = ("display", "recorder", *MEASURING)
+# what a run does not wait for
+BESIDE = ("display", "feed", "recorder", *MEASURING)
 
 
 @dataclass(frozen=True)
@@ -51,6 +51,7 @@ class UpOptions:
     state_dir: Path | None
     secure: bool = False
     record: Path | None = None
+    feed_port: int | None = None
 
     @property
     def mode(self) -> Mode:
@@ -66,11 +67,13 @@ def run_up(options: UpOptions) -> int:
     _say(f"reading {options.train_file}")
     with _nothing_to_end():
         options = _check(options)
-        train, jobs, files = _load(options)
+        train, jobs, files, line = _load(options)
     _say(f"starting {len(jobs) + len(options.listen)} processes of {train}")
     if files is not None:
         _say(f"tools connect with --zenoh-config {files('dispatch')}")
-    from .up_jobs import display_job, measuring_jobs, router_jobs
+    if options.feed_port is not None:
+        _say(f"http://127.0.0.1:{options.feed_port} lists what machines can read")
+    from .up_jobs import display_job, feed_jobs, measuring_jobs, router_jobs
 
     share_what_is_loaded()
     # the table and what processes write cannot share a terminal
@@ -78,13 +81,17 @@ def run_up(options: UpOptions) -> int:
     supervisor = Supervisor(keep_output=to_table)
     with StopSignals() as stop, _scratch(options.report) as scratch, _telling(to_table) as (tell, heard):
         names = [job.name for job in jobs]
-        display, observer = (options.listen, options.listen) if files is None else (files("display"), files("observer"))
+        display, observer, feed = (options.listen if files is None else files(name) for name in ("display", "observer", "feed"))
         shown = display_job(options.mode, display, train, names, began_ns, heard)
         try:
             for router in router_jobs(options.listen, files):
                 supervisor.start(router)
             supervisor.start(shown, shown=True)
-            for job in (*measuring_jobs(observer, options.report, scratch / "stalls.jsonl"), *jobs):
+            beside = (
+                *measuring_jobs(observer, options.report, scratch / "stalls.jsonl"),
+                *feed_jobs(feed, options.feed_port, line),
+            )
+            for job in (*beside, *jobs):
                 supervisor.start(job)
             memory_mib = _watch(supervisor, stop, tell, options.report is not None)
         finally:
@@ -129,11 +136,15 @@ def _check(options: UpOptions) -> UpOptions:
             raise ConfigError("up", "--listen", f"{endpoint} is in use; is another `milepost up` running?")
         if endpoint in options.listen[:i]:
             raise ConfigError("up", "--listen", f"{endpoint} is there twice")
+    if options.feed_port is not None:
+        from .machines.feed import HERE, check_feed
+
+        check_feed(HERE, options.feed_port, "up", "--feed")
     return options
 
 
-def _load(options: UpOptions) -> tuple[str, list[Job], Files | None]:
-    """The train's name, its processes, and the session files of a secure one, by name.
+def _load(options: UpOptions) -> tuple[str, list[Job], Files | None, Path]:
+    """The train's name, its processes, the session files of a secure one, by name, and the file of its line.
 
     Everything that they need is imported here, once. Raises ConfigError.
     """
@@ -142,7 +153,7 @@ def _load(options: UpOptions) -> tuple[str, list[Job], Files | None]:
     from milepost.runtime.process import ProcessOptions
     from milepost.runtime.train_jobs import checked_world, train_jobs
 
-    from .up_jobs import recorder_jobs
+    from .recording.job import recorder_jobs
 
     train = load_train(options.train_file)
     files = None
@@ -150,11 +161,12 @@ def _load(options: UpOptions) -> tuple[str, list[Job], Files | None]:
         from milepost.security.bundle import certified
 
         files = certified(train, options.state_dir, options.listen)
-    # it comes first, and the others wait for it: what is sent at the beginning is recorded too
+    # it comes first, and scenario time waits for it: what is sent at the beginning is recorded too
     recorder = list(recorder_jobs(train, options.record, options.listen, files))
     awaits = tuple(job.name for job in recorder)
     process = ProcessOptions(options.listen, options.speed, options.duration_s, os.getpid(), options.state_dir, awaits)
-    return train.name, recorder + list(train_jobs(train, checked_world(train, options.duration_s), process, files)), files
+    jobs = [*recorder, *train_jobs(train, checked_world(train, options.duration_s), process, files)]
+    return train.name, jobs, files, train.file.line
 
 
 @contextlib.contextmanager
@@ -190,7 +202,7 @@ def _telling(to_table: bool) -> Iterator[tuple[Callable[[str], None], int | None
 
 def _watch(supervisor: Supervisor, stop: StopSignals, tell: Callable[[str], None], measure: bool) -> float:
     """Until asked to stop, or the train's processes have ended by themselves. Returns the largest memory seen, in MiB."""
-    train = [child for child in supervisor.children if not is_router(child.name) and child.name not in ATTENDING]
+    train = [child for child in supervisor.children if not is_router(child.name) and child.name not in BESIDE]
     largest_mib, measure_at = 0.0, time.monotonic() + MEASURE_MEMORY_EVERY_S
     while not stop.wait(LOOK_EVERY_S):
         for sentence in supervisor.watch():

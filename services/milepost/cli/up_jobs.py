@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
 
-from milepost.config.train import Train
 from milepost.runtime import train_jobs
 from milepost.runtime.launch import Job
 from milepost.runtime.zenoh_config import Connection, as_options
@@ -50,20 +48,11 @@ def measuring_jobs(connection: Connection, report: Path | None, stalls: Path) ->
     yield Job("observer", ("observe",), options, partial(run_observe, connection, "*", report, stalls), restart=False)
 
 
-def recorder_jobs(
-    train: Train, folder: Path | None, endpoints: list[str], files: Callable[[str], Path] | None
-) -> Iterator[Job]:
-    """The recorder, if there is to be a recording. Raises ConfigError where its library is missing or its folder cannot be."""
-    if folder is None:
+def feed_jobs(connection: Connection, port: int | None, line: Path) -> Iterator[Job]:
+    """The web server for machines, if there is to be one; `line` is the file of the train's line."""
+    if port is None:
         return
-    from milepost.recorder.library import need_mcap
+    from .machines.feed import HERE, feed_body
 
-    need_mcap("up --record")
-    from milepost.recorder.recorder import prepare
-    from milepost.runtime.recording.process import NAME, RecorderOptions, run_recorder
-
-    prepare(folder)
-    connection: Connection = endpoints if files is None else files(NAME)
-    options = ("--train", str(train.path), "--record", str(folder), *as_options(connection), "--parent", str(os.getpid()))
-    body = partial(run_recorder, train, RecorderOptions(folder, connection, parent=os.getpid()))
-    yield Job(NAME, ("run", NAME), options, body)
+    options = ("--port", str(port), "--line", str(line), *as_options(connection))
+    yield Job("feed", ("feed",), options, partial(feed_body, connection, HERE, port, [line]))

@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import IO
 
-from .launch import CONFIGURATION_ERROR, Job, Launch, is_router, launch
+from .launch import ASKED_TO_END, CONFIGURATION_ERROR, Job, Launch, is_router, launch
 
 RESTART_AFTER_S = 0.5
 LONGEST_WAIT_S = 8.0
@@ -91,7 +91,7 @@ class Supervisor:
 
     def watch(self) -> list[str]:
         """Restart what has failed, a moment after. Returns sentences about what happened."""
-        # after the scenario's end a restarted process would wait for ever
+        # after the scenario's end a restarted process would wait for ever; a world that was asked to end is replaced by hand
         if any(child.name == "world" and not child.running and child.code == 0 for child in self.children):
             return []
         return [sentence for child in self.children if not child.running and child.restart for sentence in self._after(child)]
@@ -99,7 +99,7 @@ class Supervisor:
     def _after(self, child: Child) -> Sequence[str]:
         """What to do about a process that has ended."""
         now = self._clock()
-        if child.code == 0:
+        if child.code in (0, ASKED_TO_END):
             return ()
         child.failed = True
         if child.code == CONFIGURATION_ERROR:  # it would end the same way again
