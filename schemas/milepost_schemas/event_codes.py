@@ -161,6 +161,19 @@ EVENT_CODES: tuple[EventCode, ...] = (
     EventCode("waiting_for", "info", "whom `world` waits for"),
     EventCode("began_without", "warning", "whom `world` began without", "start the process that is named"),
     EventCode(
+        "recording_stopped",
+        "error",
+        "nothing is recorded: the disk has too little room or cannot be written",
+        "make room on the recorder's disk, or give it another folder",
+    ),
+    EventCode("recording_resumed", "info", "recording goes on, and how many messages are missing"),
+    EventCode(
+        "messages_lost",
+        "error",
+        "messages came faster than the recorder's disk takes them, and how many are missing",
+        "find out what is flooding the bus, or record to a faster disk",
+    ),
+    EventCode(
         "fault_injected",
         "warning",
         "a fault was begun by `milepost inject`",

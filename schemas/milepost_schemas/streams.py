@@ -34,7 +34,7 @@ class Stream:
 
     `key` is below `milepost/v1/{train}/`. `cached` > 0 asks for a publisher that remembers so many messages; subscribers
     recover what an interruption lost of them where the stream is paced by events. Routers drop what is larger than
-    `largest_bytes`.
+    `largest_bytes`. A recorder writes what is `recorded`.
     """
 
     name: str
@@ -46,6 +46,7 @@ class Stream:
     purpose: str
     # the fused state of a train with a hundred private states, three times over
     largest_bytes: int = 262_144
+    recorded: bool = True
 
     def key_for(self, train: str, unit: str = "*") -> str:
         """The full key of this stream for a train and a unit ('*' for any)."""
@@ -73,7 +74,17 @@ STREAMS: tuple[Stream, ...] = (
     Stream("estimate", "estimate/{unit}", Estimate, "unit", "interactive_high", 0, "a local filter's belief and observations"),
     Stream("fix", "fix/{unit}", AbsoluteFix, "event", "interactive_high", 50, "an absolute position from a balise", SMALL),
     Stream("feedback", "feedback", Feedback, "feedback", "interactive_high", 50, "the fused state, back to the filters"),
-    Stream("candidate", "candidate/{unit}", Candidate, "epoch", "real_time", 0, "what one of three fusers would publish"),
+    # not recorded: three times as much as `state`; a fuser makes them again from the recorded estimates
+    Stream(
+        "candidate",
+        "candidate/{unit}",
+        Candidate,
+        "epoch",
+        "real_time",
+        0,
+        "what one of three fusers would publish",
+        recorded=False,
+    ),
     Stream("state", "state", FusedState, "epoch", "real_time", 50, "the product, for dispatch tools"),
     Stream("position_report", "position_report", PositionReport, "event", "data", 0, "packet 0 of ERTMS/ETCS", SMALL),
     Stream("event", "event", Event, "event", "data", 50, "what a person should read"),

@@ -20,9 +20,11 @@ from .live import (
     measure_startup,
     measure_train,
 )
+from .recorder import AIM_HZ, measure_recorder
 from .steps import OFFLINE, measure_nodes, measure_offline, measure_steps
 
 STARTS = 5
+RECORD_S = 20.0
 
 
 def say(text: str) -> None:
@@ -60,6 +62,7 @@ def main() -> None:
             "full": measure_full_load(),
             "fast": measure_fast_load(),
             "startup": measure_startup(STARTS),
+            "recorder": measure_recorder(AIM_HZ, RECORD_S),
         }
     if options.json:
         print(json.dumps(found, indent=2))
@@ -99,6 +102,9 @@ def table(found: dict) -> None:
     startup = live["startup"]
     print(f"first state after `milepost up`       {startup['first_state_s']:8.2f} s             (at most 4)")
     print(f"memory of all its processes (PSS)     {startup['memory_pss_mib']:8.0f} MiB           (at most 600, aim 450)")
+    recorder = live["recorder"]
+    lost = f"{recorder['missing']:.0f} of {recorder['sent']:.0f} messages missing"
+    print(f"recorder at {AIM_HZ:.0f} messages a second       {recorder['cores']:8.2f} cores, {lost} (aim 0)")
 
 
 def table_of_security(costs: dict) -> None:

@@ -16,6 +16,7 @@ GUIDE = (ROOT / "docs/add-a-sensor.md").read_text(encoding="utf-8")
 FOLDERS = ("services", "schemas", "deploy", "docs", "tests")
 FILES = (
     "compose.yaml",
+    "compose.record.yaml",
     "compose.secure.yaml",
     "pyproject.toml",
     "Makefile",

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 import yaml
 
-from milepost.cli.main import DEFAULT_TRAIN
+from milepost.cli.options import DEFAULT_TRAIN
 from milepost.config.roles import Process, processes
 from milepost.config.shipped_files import find_file
 from milepost.config.train import load_train

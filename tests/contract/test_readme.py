@@ -21,7 +21,10 @@ ROOT = Path(__file__).resolve().parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 GUIDES = [
     README,
-    *((ROOT / name).read_text(encoding="utf-8") for name in ("CONTRIBUTING.md", "docs/add-a-sensor.md", "docs/machines.md")),
+    *(
+        (ROOT / name).read_text(encoding="utf-8")
+        for name in ("CONTRIBUTING.md", "docs/add-a-sensor.md", "docs/machines.md", "docs/recordings.md")
+    ),
 ]
 
 

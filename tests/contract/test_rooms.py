@@ -22,6 +22,7 @@ FLOORS = (
     "security",
     "runtime",
     "offline",
+    "recorder",
     "config",
     "nodes",
     "feeds",

@@ -16,6 +16,10 @@ import pytest
 from milepost.config.scenario_file import load_scenario
 from milepost.evaluation.run_log import RunLog
 from milepost.offline.run import simulate
+from milepost.recorder.file import RecordingFile
+from milepost.recorder.incoming import Incoming, head_of
+from milepost.recorder.scenario_clock import simulation_facts
+from milepost_schemas import STREAMS, Refused, Stream, encode, from_fields
 
 ROOT = Path(__file__).resolve().parents[2]
 pytestmark = pytest.mark.slow
@@ -140,6 +144,78 @@ def test_lines_without_a_receipt_time_settle_to_the_same_bytes(recorded, tmp_pat
     assert rerun(bare, tmp_path / "states.jsonl", "readings") == recorded.settled
 
 
+class TestMcap:
+    """The same messages in a recorder's file."""
+
+    def written(self, recorded: Recorded, path: Path, **facts: dict[str, str]) -> Path:
+        file = RecordingFile(path)
+        for name, each in facts.items():
+            file.describe(name, each)
+        for line in recorded.lines:
+            kind = line["payload"]
+            row = next(row for row in STREAMS if row.key_for(kind["train"], kind["unit"]) == line["key"] and accepts(row, kind))
+            payload = encode(from_fields(kind, row.message))
+            file.add(Incoming(line["key"], row.message.encoding(), line["received_at_ns"], payload), head_of(payload))
+        file.close()
+        return path
+
+    @pytest.mark.parametrize("origin", ["readings", "estimates"])
+    def test_it_settles_to_the_same_bytes(self, recorded, tmp_path, origin):
+        made = self.written(recorded, tmp_path / "m.mcap")
+        assert rerun(made, tmp_path / "states.jsonl", origin) == recorded.settled
+
+    def test_a_folder_of_its_parts_settles_to_the_same_bytes(self, recorded, tmp_path):
+        folder = tmp_path / "parts"
+        folder.mkdir()
+        half = len(recorded.lines) // 2
+        for name, lines in (("a", recorded.lines[:half]), ("b", recorded.lines[half:])):
+            part = tmp_path / f"{name}.jsonl"
+            part.write_text("".join(json.dumps(line) + "\n" for line in lines), encoding="utf-8")
+            self.written(Recorded(part, b""), folder / f"{name}.mcap")
+        assert rerun(folder, tmp_path / "states.jsonl", "readings") == recorded.settled
+
+    def test_what_is_left_of_a_file_that_was_cut_off_settles_to_the_same_states(self, recorded, tmp_path):
+        whole = self.written(recorded, tmp_path / "m.mcap").read_bytes()
+        (tmp_path / "cut.mcap").write_bytes(whole[: len(whole) * 2 // 3])
+        left = rerun(tmp_path / "cut.mcap", tmp_path / "states.jsonl", "estimates").splitlines()
+        assert 50 < len(left) < len(recorded.settled.splitlines())
+        assert left[:-1] == recorded.settled.splitlines()[: len(left) - 1]
+
+    def test_receipts_of_a_train_that_ran_faster_are_in_scenario_time(self, recorded, tmp_path):
+        """Twice as fast, the receipts are half as far from the start; without that, all would come too early."""
+        start_ns = 1_700_000_000_000_000_000
+        lines = [{**line, "received_at_ns": start_ns + (line["received_at_ns"] - start_ns) // 2} for line in recorded.lines]
+        fast = tmp_path / "fast.jsonl"
+        fast.write_text("".join(json.dumps(line) + "\n" for line in lines), encoding="utf-8")
+        made = self.written(Recorded(fast, b""), tmp_path / "m.mcap", simulation=simulation_facts(start_ns, 2.0))
+        assert rerun(made, tmp_path / "states.jsonl", "estimates") == recorded.settled
+        assert rerun(fast, tmp_path / "others.jsonl", "estimates") != recorded.settled
+
+    def test_other_settings_than_those_of_the_recording_are_told(self, recorded, tmp_path):
+        made = self.written(recorded, tmp_path / "m.mcap", train={"file": "maglev.yaml", "fingerprint": "of another"})
+        done = milepost("rerun", made, "--train", TRAIN, "--out", tmp_path / "states.jsonl")
+        assert done.returncode == 0
+        assert "recorded with other settings, or another version" in done.stderr.splitlines()[-1]
+        assert (tmp_path / "states.jsonl").read_bytes() == recorded.settled
+
+    def test_a_damaged_part_is_counted_and_reported(self, recorded, tmp_path):
+        spoilt = bytearray(self.written(recorded, tmp_path / "m.mcap").read_bytes())
+        spoilt[len(spoilt) // 3] ^= 0xFF
+        (tmp_path / "spoilt.mcap").write_bytes(spoilt)
+        done = milepost("rerun", tmp_path / "spoilt.mcap", "--train", TRAIN, "--out", tmp_path / "states.jsonl")
+        assert "refused 1 as damaged; first: spoilt.mcap: message 1: " in done.stderr
+        assert "Traceback" not in done.stderr
+
+
+def accepts(row: Stream, fields: dict[str, Any]) -> bool:
+    """Whether a payload is of a row: all readings have one key."""
+    try:
+        from_fields(fields, row.message)
+    except Refused:
+        return False
+    return True
+
+
 def test_invalid_lines_are_counted_and_reported(recorded, tmp_path):
     text = recorded.path.read_text(encoding="utf-8").splitlines()
     one = next(json.loads(line) for line in text if "/reading/radar" in line)
@@ -198,7 +274,7 @@ def test_a_folder_as_the_file_to_write_is_one_line_and_exit_code_2(recorded, tmp
 # the command as it is, and a Ctrl-C that strikes at a known place: with the hundredth state
 INTERRUPTED = """
 import os, signal, sys
-import milepost.cli.rerun as rerun
+import milepost.cli.recording.rerun as rerun
 from milepost.cli.entry import main
 
 replay = rerun.replay

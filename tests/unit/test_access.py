@@ -97,7 +97,8 @@ def test_faults_are_sent_only_where_the_train_file_allows_them_and_only_by_the_t
     quiet = load_train(TRAINS / "full.yaml", {"chaos": False})
     for name in (each.name for each in accesses(quiet)):
         assert not allowed(name, "ingress", "put", f"{TOP}/@chaos/imu", quiet)
-        assert not allowed(name, "egress", "put", f"{TOP}/@chaos/imu", quiet)
+        # a recorder would write down what nobody may send
+        assert name == "recorder" or not allowed(name, "egress", "put", f"{TOP}/@chaos/imu", quiet)
 
 
 def test_only_a_process_that_remembers_answers_for_the_fused_state() -> None:
@@ -140,4 +141,13 @@ def test_every_shipped_train_has_one(path: Path) -> None:
         if "no such file" in str(error).lower():
             pytest.skip("its recording is not here")
         raise
-    assert len(control["subjects"]) == len(processes(train, live=True)) + len(TOOLS) + 1
+    assert len(control["subjects"]) == len(processes(train, live=True)) + len(TOOLS) + len(["recorder", "routers"])
+
+
+def test_a_recorder_hears_every_recorded_stream_and_sends_only_its_own_event_and_health() -> None:
+    for stream in STREAMS:
+        key = stream.key_for("full-1", "x")
+        heard = allowed("recorder", "egress", "put", key) and allowed("recorder", "ingress", "declare_subscriber", key)
+        assert heard == stream.recorded
+    sent = {key for key in RULES["recorder: sends"]["key_exprs"] if "@adv" not in key}
+    assert sent == {f"{TOP}/event", f"{TOP}/health/recorder"}

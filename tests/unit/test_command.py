@@ -127,12 +127,12 @@ main()
         ("campaign", "campaign: FILE: required: campaign file, or the name of one: "),
         (
             "run",
-            "run: ROLE: required: one of router, world, sensor, filter, balise, fuser, voter, etcs; see `milepost run ",
+            "run: ROLE: required: one of router, world, sensor, filter, balise, fuser, voter, etcs, recorder; see `milepost ",
         ),
         ("run sensor", "run: UNIT: required: one of odometer-front, "),
         (
             "run sensr",
-            "run: ROLE: must be one of router, etcs, voter, fuser, filter, balise, sensor, world, not 'sensr'",
+            "run: ROLE: must be one of router, recorder, etcs, voter, fuser, filter, balise, sensor, world, not 'sensr'",
         ),
         ("rerun", "rerun: READINGS: required: recorded messages: "),
         ("rerun x", "rerun: --out: required: file for the settled states, one per line; see `milepost rerun --help`"),

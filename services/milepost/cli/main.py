@@ -20,16 +20,15 @@ from .inject_command import FREE_OPTIONS, inject
 from .machines.etcs_command import etcs
 from .machines.feed_command import feed
 from .options import (
-    DEFAULT_TRAIN,
     ConnectOption,
     JsonOption,
-    StateDirOption,
-    TrainOption,
     ZenohConfigOption,
     complete_scenario,
     show_versions,
 )
 from .pki_command import acl, pki
+from .recording.commands import export, info, replay, rerun
+from .run_command import run
 from .up_command import up
 from .usage import UsageError, usage_line
 
@@ -83,41 +82,7 @@ def status(
 app.command(context_settings=FREE_OPTIONS)(inject)
 
 
-@app.command()
-def run(
-    role: Annotated[str, typer.Argument(help="One of router, world, sensor, filter, balise, fuser, voter, etcs.")],
-    unit: Annotated[str, typer.Argument(help="The unit, for a sensor or a filter.")] = "",
-    train: TrainOption = DEFAULT_TRAIN,
-    connect: ConnectOption = [DEFAULT_ENDPOINT],  # noqa: B006
-    zenoh_config: ZenohConfigOption = None,
-    listen: Annotated[list[str], typer.Option("--listen", help="Router only: endpoints to listen on.")] = [DEFAULT_ENDPOINT],  # noqa: B006
-    link: Annotated[list[str], typer.Option("--link", help="Router only: endpoint of another router to link with.")] = [],  # noqa: B006
-    config: Annotated[Path | None, typer.Option("--config", help="Router only: Zenoh configuration file to use.")] = None,
-    speed: Annotated[
-        float, typer.Option("--speed", min=0.01, max=1000.0, help="World only: scenario seconds per second of real time.")
-    ] = 1.0,
-    duration: Annotated[
-        float | None, typer.Option("--duration", min=0.1, help="Stop after this many seconds of scenario time.")
-    ] = None,
-    parent: Annotated[int | None, typer.Option("--parent", hidden=True)] = None,
-    state_dir: StateDirOption = None,
-) -> None:
-    """Run one process of a train, as compose.yaml does."""
-    from .run import run_role
-
-    run_role(
-        role,
-        unit,
-        find_file(train, "trains"),
-        zenoh_config or connect,
-        listen,
-        link,
-        config,
-        speed,
-        duration,
-        parent,
-        state_dir,
-    )
+app.command()(run)
 
 
 @app.command()
@@ -165,28 +130,8 @@ app.command()(campaign)
 app.command()(acl)
 app.add_typer(pki, name="pki")
 app.command()(chaos)
-
-
-@app.command()
-def rerun(
-    readings: Annotated[Path, typer.Argument(help="Recorded messages: one JSON object per line, in order of arrival.")],
-    out: Annotated[Path, typer.Option("--out", help="File for the settled states, one per line.")],
-    train: TrainOption = DEFAULT_TRAIN,
-    scenario: Annotated[
-        Path | None,
-        typer.Option(
-            "--scenario", autocompletion=complete_scenario, help="Scenario that was recorded: its train, with its changes."
-        ),
-    ] = None,
-    origin: Annotated[
-        str, typer.Option("--from", help="`readings` runs filters, balise service and fuser; `estimates` the fuser alone.")
-    ] = "readings",
-) -> None:
-    """Run recorded messages through the same nodes, faster than real time."""
-    from .rerun import run_rerun
-
-    found = None if scenario is None else find_file(scenario, "scenarios")
-    raise typer.Exit(run_rerun(readings, find_file(train, "trains"), found, out, origin))
+for recording in (rerun, info, export, replay):
+    app.command()(recording)
 
 
 @app.command()

@@ -72,3 +72,9 @@ StateDirOption = Annotated[
         "--state-dir", envvar="MILEPOST_STATE_DIR", help="Folder in which filters keep their calibration between runs."
     ),
 ]
+RecordOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--record", help="Folder in which everything that is sent is recorded, in MCAP files. Needs the extra `record`."
+    ),
+]

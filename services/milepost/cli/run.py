@@ -2,48 +2,86 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 
 from milepost.config.errors import ConfigError
 from milepost.runtime.launch import end_with_parent
 from milepost.runtime.zenoh_config import Connection
 
+RECORDER = "recorder"
 
-def run_role(
-    role: str,
-    unit: str,
-    train_file: Path,
-    connection: Connection,
-    listen: list[str],
-    link: list[str],
-    config: Path | None,
-    speed: float,
-    duration: float | None,
-    parent: int | None,
-    state_dir: Path | None,
-) -> None:
-    """Run the router or one process of a train. Raises ConfigError."""
-    if parent is not None:
-        end_with_parent(parent)
 
-    if role == "router":
-        if config is not None and link:
-            raise ConfigError("run", "--link", f"not with --config: {config} says itself, in `connect`, with whom it links")
-        from milepost.security.router import run_named_router
+@dataclass(frozen=True)
+class RunOptions:
+    """The command line of `milepost run`. `rotation`: size in MiB, time in minutes, and the least room on the disk in MiB."""
 
-        run_named_router(listen, config, parent, link)
-        return
+    role: str
+    unit: str
+    train_file: Path
+    connection: Connection
+    listen: list[str]
+    link: list[str]
+    config: Path | None
+    speed: float
+    duration: float | None
+    parent: int | None
+    state_dir: Path | None
+    awaits: tuple[str, ...]
+    record: Path | None
+    rotation: tuple[float, float, float]
+
+
+def run_role(options: RunOptions) -> None:
+    """Run the router, the recorder or one process of a train. Raises ConfigError."""
+    if options.parent is not None:
+        end_with_parent(options.parent)
+    if options.role == "router":
+        _run_router(options)
+    elif options.role == RECORDER:
+        _run_recorder(options)
+    else:
+        _run_process(options)
+
+
+def _run_router(options: RunOptions) -> None:
+    if options.config is not None and options.link:
+        raise ConfigError("run", "--link", f"not with --config: {options.config} says itself, in `connect`, with whom it links")
+    from milepost.security.router import run_named_router
+
+    run_named_router(options.listen, options.config, options.parent, options.link)
+
+
+def _run_recorder(options: RunOptions) -> None:
+    from milepost.recorder.library import need_mcap
+
+    if options.record is None:
+        raise ConfigError("run recorder", "--record", "required: the folder for the recording")
+    need_mcap("run recorder")
+    from milepost.config.train import load_train
+    from milepost.recorder.limits import Limits
+    from milepost.runtime.recording.process import RecorderOptions, run_recorder
+
+    limits = Limits.of(*options.rotation)
+    run_recorder(load_train(options.train_file), RecorderOptions(options.record, options.connection, limits, options.parent))
+
+
+def _run_process(options: RunOptions) -> None:
     from milepost.config.mistakes import one_of
     from milepost.config.roles import ROLES
     from milepost.config.train import load_train
     from milepost.runtime.process import ProcessOptions, run_process
 
+    role, unit = options.role, options.unit
     if role not in ROLES:
-        raise ConfigError("run", "ROLE", one_of(["router", *ROLES], role))
-    train = load_train(train_file)
+        raise ConfigError("run", "ROLE", one_of(["router", RECORDER, *ROLES], role))
+    train = load_train(options.train_file)
     units = ROLES[role].instances(train)
     if not ROLES[role].per_unit:
         unit = unit or role
     if unit not in units:
-        raise ConfigError("run", "UNIT", one_of(units, unit) if units else f"{train_file} has none with a {role}")
-    run_process(train, role, unit, ProcessOptions(connection, speed, duration, parent, state_dir))
+        raise ConfigError("run", "UNIT", one_of(units, unit) if units else f"{options.train_file} has none with a {role}")
+    process = ProcessOptions(
+        options.connection, options.speed, options.duration, options.parent, options.state_dir, options.awaits
+    )
+    run_process(train, role, unit, process)

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from pathlib import Path
 
+from milepost.recorder.rows import json_schema
 from milepost_schemas import STREAMS
 
 
@@ -13,9 +13,7 @@ def schema_files() -> dict[str, str]:
     """File name and content of every message's JSON Schema."""
     files = {}
     for stream in STREAMS:
-        body = {"$schema": "https://json-schema.org/draft/2020-12/schema", **stream.message.model_json_schema()}
-        name = f"{stream.message.SCHEMA}-{stream.message.VERSION}.schema.json"
-        files[name] = json.dumps(body, indent=2, sort_keys=True) + "\n"
+        files[f"{stream.message.SCHEMA}-{stream.message.VERSION}.schema.json"] = json_schema(stream.message)
     return files
 
 

@@ -35,7 +35,7 @@ MEASURE_MEMORY_EVERY_S = 2.0
 Files = Callable[[str], Path]
 MEASURING = ("sentinel", "observer")
 # what a run does not wait for
-BESIDE = ("display", "feed", *MEASURING)
+BESIDE = ("display", "feed", "recorder", *MEASURING)
 
 
 @dataclass(frozen=True)
@@ -50,6 +50,7 @@ class UpOptions:
     listen: list[str]
     state_dir: Path | None
     secure: bool = False
+    record: Path | None = None
     feed_port: int | None = None
 
     @property
@@ -152,14 +153,19 @@ def _load(options: UpOptions) -> tuple[str, list[Job], Files | None, Path]:
     from milepost.runtime.process import ProcessOptions
     from milepost.runtime.train_jobs import checked_world, train_jobs
 
+    from .recording.job import recorder_jobs
+
     train = load_train(options.train_file)
     files = None
     if options.secure:
         from milepost.security.bundle import certified
 
         files = certified(train, options.state_dir, options.listen)
-    process = ProcessOptions(options.listen, options.speed, options.duration_s, os.getpid(), options.state_dir)
-    jobs = list(train_jobs(train, checked_world(train, options.duration_s), process, files))
+    # it comes first, and scenario time waits for it: what is sent at the beginning is recorded too
+    recorder = list(recorder_jobs(train, options.record, options.listen, files))
+    awaits = tuple(job.name for job in recorder)
+    process = ProcessOptions(options.listen, options.speed, options.duration_s, os.getpid(), options.state_dir, awaits)
+    jobs = [*recorder, *train_jobs(train, checked_world(train, options.duration_s), process, files)]
     return train.name, jobs, files, train.file.line
 
 

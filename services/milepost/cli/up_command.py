@@ -10,7 +10,7 @@ import typer
 from milepost.config.shipped_files import find_file
 from milepost.runtime.zenoh_config import DEFAULT_ENDPOINT
 
-from .options import DEFAULT_TRAIN, StateDirOption, TrainOption
+from .options import DEFAULT_TRAIN, RecordOption, StateDirOption, TrainOption
 
 
 def up(
@@ -42,9 +42,11 @@ def up(
             help="Only processes and tools with a certificate, each for its own keys. Made in the state folder if needed.",
         ),
     ] = False,
+    record: RecordOption = None,
 ) -> None:
     """Start a train and show it: a router, and one process for each sensor, each filter, the fuser and the balise service."""
     from .up import UpOptions, run_up
 
     found = find_file(train, "trains")
-    raise typer.Exit(run_up(UpOptions(found, duration, speed, report, headless, listen, state_dir, secure, feed)))
+    options = UpOptions(found, duration, speed, report, headless, listen, state_dir, secure, record, feed)
+    raise typer.Exit(run_up(options))

@@ -1,4 +1,4 @@
-"""Recorded messages: one {"key", "received_at_ns", "payload"} a line, in order of arrival."""
+"""Recorded messages for a rerun, from JSON Lines or MCAP, in order of arrival."""
 
 from __future__ import annotations
 
@@ -6,11 +6,14 @@ import json
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, TextIO
+from typing import TextIO
 
 from milepost.config.train import Train
 from milepost.nodes.base import Output, Refusals
-from milepost_schemas import BY_NAME, ROOT, STREAMS, Message, Refused, from_fields
+from milepost.recorder.rows import MSGPACK, place_of, rows_of
+from milepost_schemas import BY_NAME, ROOT, Message, Refused, from_fields
+
+from .entries import Entry, Source, sources_in
 
 # a receipt time farther off than this is wrong; a rerun would pass through the time between epoch by epoch
 FARTHEST_NS = 3600 * 10**9
@@ -25,28 +28,47 @@ def write_line(file: TextIO, train: str, output: Output, received_at_ns: int) ->
 
 @dataclass
 class Reader:
-    """Reads a recording for a train; refused lines are counted by reason, and `first` has the first one of each."""
+    """Reads a recording for a train; refused messages are counted by reason, and `first` has the first one of each.
+
+    `path`: a file, or a folder of MCAP files.
+    """
 
     path: Path
     train: Train
     kinds: tuple[str, ...]
     refusals: Refusals = field(default_factory=Refusals)
     first: dict[str, str] = field(default_factory=dict)
-    read_bytes: int = 0
+    sources: list[Source] = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.sources = sources_in(self.path)
+
+    @property
+    def size(self) -> int:
+        """The bytes of all files."""
+        return sum(source.path.stat().st_size for source in self.sources)
+
+    @property
+    def read_bytes(self) -> int:
+        """How much has been read."""
+        return sum(source.read_bytes for source in self.sources)
+
+    def made_otherwise(self, fingerprint: str) -> list[Path]:
+        """The files whose train ran with other settings or another version, among those that say so and have been read."""
+        return [source.path for source in self.sources if source.fingerprint not in ("", fingerprint)]
 
     def messages(self) -> Iterator[tuple[str, str, Message, int]]:
-        """(stream, unit, message, received_at_ns) of every line of the wanted kinds ("reading", "estimate", "fix")."""
+        """(stream, unit, message, received_at_ns) of every message of the wanted kinds ("reading", "estimate", "fix")."""
         latest_ns = 0
-        with self.path.open("rb") as file:
-            for number, line in enumerate(file, start=1):
-                self.read_bytes += len(line)
-                if not line.strip():
-                    continue
+        for source in self.sources:
+            for number, entry in source.entries():
                 try:
-                    found = self._message(line)
+                    if isinstance(entry, Refused):
+                        raise entry
+                    found = self._message(entry)
                 except Refused as refused:
                     if self.refusals.add(refused.reason):
-                        self.first[refused.reason] = f"line {number}: {refused.detail}"
+                        self.first[refused.reason] = f"{source.noun} {number}: {refused.detail}"
                     continue
                 if found is None:
                     continue
@@ -55,38 +77,30 @@ class Reader:
                 latest_ns = max(latest_ns, message.published_at_ns)
                 yield stream, unit, message, received if received is not None else latest_ns
 
-    def _message(self, line: bytes) -> tuple[str, str, Message, int | None] | None:
-        try:
-            entry: Any = json.loads(line)
-        except (ValueError, RecursionError) as error:
-            raise Refused("undecodable", f"not JSON: {error}") from error
-        key = entry.get("key") if isinstance(entry, dict) else None
-        if not isinstance(key, str):
-            raise Refused("invalid", "key: must be a string")
-        parts = key.split("/")
-        if "/".join(parts[:2]) != ROOT or len(parts) < 4:
-            raise Refused("invalid", f"key: {key} is not below {ROOT}/TRAIN/")
-        if parts[3] not in self.kinds:
+    def _message(self, entry: Entry) -> tuple[str, str, Message, int | None] | None:
+        place = place_of(entry.key)
+        if place is None:
+            raise Refused("invalid", f"key: {entry.key} is not below {ROOT}/TRAIN/")
+        if place.path.split("/")[0] not in self.kinds:
             return None
-        if parts[2] != self.train.name:
-            raise Refused("other_train", f"{parts[2]} is not {self.train.name}")
-        stream, unit = self._stream("/".join(parts[3:]))
-        received = entry.get("received_at_ns")
-        if received is not None and (type(received) is not int or received <= 0):
-            raise Refused("invalid", "received_at_ns: must be a positive whole number")
-        message = from_fields(entry.get("payload"), BY_NAME[stream].message)
+        if place.train != self.train.name:
+            raise Refused("other_train", f"{place.train} is not {self.train.name}")
+        stream, unit = self._stream(place.path)
+        schema, received = BY_NAME[stream].message, entry.received_at_ns
+        if entry.encoding.startswith(f"{MSGPACK};") and entry.encoding != schema.encoding():
+            raise Refused("other_schema", f"{entry.key}: {entry.encoding}, expected {schema.encoding()}")
+        message: Message = from_fields(entry.fields(), schema)
         if received is not None and abs(received - message.published_at_ns) > FARTHEST_NS:
             raise Refused("invalid", "received_at_ns: must be within an hour of published_at_ns")
         if message.train != self.train.name:
             raise Refused("other_train", f"{message.train} is not {self.train.name}")
         if unit and message.unit != unit:
-            raise Refused("other_unit", f"{key}: the payload's unit is {message.unit}")
+            raise Refused("other_unit", f"{entry.key}: the payload's unit is {message.unit}")
         return stream, unit, message, received
 
     def _stream(self, path: str) -> tuple[str, str]:
         """The stream and the unit of a key, from its part after the train."""
-        last = path.rpartition("/")[2]
-        rows = [row for row in STREAMS if row.key.format(unit=last) == path]
+        rows, last = rows_of(path), path.rpartition("/")[2]
         if not rows:
             raise Refused("invalid", f"key: {path} is not in the stream table")
         unit = last if "{unit}" in rows[0].key else ""

@@ -20,6 +20,7 @@ from milepost_schemas import BY_NAME, Message, Part, Refused, Stream, alive_key,
 
 from .flood import Gate, Waiting
 from .instances import Token, token_of
+from .subscribing import subscriber
 
 PRIORITIES = {
     "real_time": zenoh.Priority.REAL_TIME,
@@ -37,7 +38,6 @@ HOW_TO_START = "start one with `milepost up` or `milepost run router`, at anothe
 # Rejected: one thread for all of Zenoh's work (ZENOH_RUNTIME with `handover`). It saves a fifth of the processor and lost
 # a hundred states in two seconds, twice in four runs.
 # the binding's stubs ask for both of two options that exclude each other
-RECOVERY: Any = zenoh.ext.RecoveryConfig
 MISS_DETECTION: Any = zenoh.ext.MissDetectionConfig
 
 
@@ -135,12 +135,7 @@ class ZenohBus:
             if enters(key):
                 put(Received(stream, sample, now(), key))
 
-        key = stream.key_for(self.train, unit)
-        if stream.cached and stream.paced_by == "event":
-            recovery: Any = RECOVERY(heartbeat=True)
-            self._kept.append(zenoh.ext.declare_advanced_subscriber(self.session, key, receive, recovery=recovery))
-        else:
-            self._kept.append(self.session.declare_subscriber(key, receive))
+        self._kept.append(subscriber(self.session, stream, stream.key_for(self.train, unit), receive))
 
     def subscribe_to_newest(self, stream_name: str, unit: str = "*") -> None:
         """Keep the newest message of a stream until it is asked for; older ones are overwritten, and nobody is woken."""

@@ -43,13 +43,17 @@ GRACE_NS = NS_PER_S // 5
 
 @dataclass(frozen=True)
 class ProcessOptions:
-    """What the command line says of a process; `state_dir`: where a filter keeps what it learned."""
+    """What the command line says of a process.
+
+    `state_dir`: where a filter keeps what it learned. `awaits`: processes besides the train's own that `world` waits for.
+    """
 
     connection: Connection
     speed: float = 1.0
     duration_s: float | None = None
     parent: int | None = None
     state_dir: Path | None = None
+    awaits: tuple[str, ...] = ()
 
 
 def set_up_log(name: str) -> None:
@@ -85,11 +89,11 @@ def run_process(train: Train, role_name: str, unit: str, options: ProcessOptions
         bus = ZenohBus(session, train.name)
         stop_on_signals(bus.inbox)
         _listen(bus, node, name)
-        _declare_alive(bus, node, name)
+        declare_alive(bus, node, name)
         with ExitStack() as announced:
             start: SimulationStart | None = None
             if train.has_scenario_time:
-                start = _scenario_start(bus, train, node, name, options.speed, announced)
+                start = _scenario_start(bus, train, node, name, options, announced)
                 if start is None:
                     return True
             clock = Clock(start)
@@ -124,7 +128,7 @@ def _run(runner: Runner, bus: ZenohBus, node: Node, clock: Clock, train: Train, 
 
 
 def _scenario_start(
-    bus: ZenohBus, train: Train, node: Node, name: str, speed: float, announced: ExitStack
+    bus: ZenohBus, train: Train, node: Node, name: str, options: ProcessOptions, announced: ExitStack
 ) -> SimulationStart | None:
     """When scenario time begins: `world` says it once all others are there, and answers until `announced` is closed.
 
@@ -142,9 +146,10 @@ def _scenario_start(
     start = scenario_time.remembered(bus, _names(train))
     if start is None:
         others = {p.name for p in processes(train, live=True) if p.role != "world" and p.unit in ROLES[p.role].units(train)}
+        others |= set(options.awaits)
         if not scenario_time.wait_for_processes(bus, others, tell):
             return None
-        start = scenario_time.choose_start(node.end_s, speed)
+        start = scenario_time.choose_start(node.end_s, options.speed)
     announced.callback(scenario_time.announce(bus, start).undeclare)
     return start
 
@@ -154,7 +159,7 @@ def _names(train: Train) -> set[str]:
     return {process.name for process in processes(train, live=True)}
 
 
-def _declare_alive(bus: ZenohBus, node: Node, name: str) -> None:
+def declare_alive(bus: ZenohBus, node: Node, name: str) -> None:
     """Show this instance's token, and say if there is another one of this process: an error, but no reason to end.
 
     Whoever starts it may be replacing a process that hangs, and what both measure counts once. The fuser sees all tokens and

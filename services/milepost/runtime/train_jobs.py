@@ -72,7 +72,7 @@ def _command_options(train: Train, process: Process, options: ProcessOptions) ->
     if options.parent is not None:
         out += ["--parent", str(options.parent)]
     if process.role == "world":
-        out += ["--speed", str(options.speed)]
+        out += ["--speed", str(options.speed), *(word for name in options.awaits for word in ("--await", name))]
     if ROLES[process.role].uses_world and options.duration_s is not None:
         out += ["--duration", str(options.duration_s)]
     if process.role == "filter" and options.state_dir is not None:

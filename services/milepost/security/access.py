@@ -9,6 +9,7 @@ from typing import Any
 from milepost.config.roles import ROLES, Process, Setting, processes
 from milepost.config.train import Train
 from milepost.nodes.base import Node
+from milepost.recorder.history import STREAMS as HISTORIES
 from milepost.sensors.base import World
 from milepost_schemas import BY_NAME, ROOT, STREAMS, Stream, alive_key, rpc_key, simulation_start_key
 
@@ -18,6 +19,8 @@ ROUTERS = ("router", "router-2")
 DISPATCH, CHAOS = "dispatch", "chaos"
 READERS = (DISPATCH, "display", "observer", "feed")
 TOOLS = (*READERS, CHAOS)
+# writes down what the others send, and tells how that is going
+RECORDER = "recorder"
 # procedures of the runtime: who remembers the fused state, all that a fuser knows, and when scenario time began
 LATEST, SNAPSHOT, BEGAN = "latest_feedback", "snapshot", "simulation_start"
 # beside a cached stream's key: its publisher's cache, heartbeat and token
@@ -47,13 +50,14 @@ class Access:
 
 def names(train: Train) -> list[str]:
     """Everybody who needs a certificate."""
-    return [*ROUTERS, *(process.name for process in processes(train, live=True)), *TOOLS]
+    return [*ROUTERS, *(process.name for process in processes(train, live=True)), *TOOLS, RECORDER]
 
 
 def accesses(train: Train) -> list[Access]:
     """The access of every process and tool; routers pass on everything. Raises ConfigError."""
     world = train.world() if train.file.world is not None else None
-    return [*(_of_process(train, process, world) for process in processes(train, live=True)), *_tools(train)]
+    trains = [_of_process(train, process, world) for process in processes(train, live=True)]
+    return [*trains, *_tools(train), _recorder(train)]
 
 
 def _of_process(train: Train, process: Process, world: World | None) -> Access:
@@ -108,10 +112,30 @@ def _tools(train: Train) -> Iterator[Access]:
         "receives": (f"{ROOT}/**", *_keys("*", streams)),
         "recovers": _keys("*", [each for each in streams if each[0].cached]),
         "watches": (alive_key("*"),),
+        # what a recorder remembers of the last minutes
+        "asks": _keys("*", [(BY_NAME[name], "*") for name in HISTORIES]),
     }
     for name in READERS:
         yield Access(name, **read)
     yield Access(CHAOS, sends=_keys(train.name, [(BY_NAME["chaos"], "*")]) if train.file.chaos else (), **read)
+
+
+def _recorder(train: Train) -> Access:
+    received = [(stream, "*") for stream in STREAMS if stream.recorded]
+    event, health = BY_NAME["event"], BY_NAME["health"]
+    histories = _keys(train.name, [(BY_NAME[name], "*") for name in HISTORIES])
+    return Access(
+        RECORDER,
+        sends=_keys(train.name, [(event, ""), (health, RECORDER)]),
+        receives=_keys(train.name, received),
+        remembers=_keys(train.name, [(event, "")]),
+        recovers=_keys(train.name, [each for each in received if each[0].cached]),
+        shows=(alive_key(train.name, RECORDER),),
+        watches=(alive_key(train.name, RECORDER),),
+        asks=(simulation_start_key(train.name),) if train.has_scenario_time else (),
+        answers=histories,
+        hears=(*_keys("*", [(BY_NAME[name], "*") for name in HISTORIES]), f"{event.key_for('*')}/{CACHE}"),
+    )
 
 
 def _of_any_unit(procedure: str) -> str:

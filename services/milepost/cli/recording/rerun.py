@@ -6,6 +6,7 @@ import sys
 import time
 from pathlib import Path
 
+from milepost.config.fusion_settings import fingerprint
 from milepost.config.scenario_file import load_scenario
 from milepost.config.train import load_train
 from milepost.config.yaml_files import ConfigError
@@ -13,7 +14,7 @@ from milepost.offline.message_log import Reader
 from milepost.offline.run import replay
 from milepost_schemas import FusedState
 
-from .progress import progress_bar
+from ..progress import progress_bar
 
 ORIGINS = {"readings": ("reading",), "estimates": ("estimate", "fix")}
 
@@ -22,7 +23,7 @@ def run_rerun(readings: Path, train_file: Path, scenario: Path | None, out: Path
     """Write the settled states of a recording; 1 if there are none. Raises ConfigError for files that cannot be used."""
     if origin not in ORIGINS:
         raise ConfigError("rerun", "--from", f"must be one of {', '.join(ORIGINS)}, not {origin!r}")
-    if not readings.is_file():
+    if not readings.exists():
         raise ConfigError(readings, "", "no such file")
     if not out.parent.is_dir():
         raise ConfigError(out, "", "its folder does not exist")
@@ -33,7 +34,7 @@ def run_rerun(readings: Path, train_file: Path, scenario: Path | None, out: Path
     begun, count, first, last = time.perf_counter(), 0, 0, 0
     partial = out.with_name(out.name + ".partial")
     try:
-        with partial.open("w", encoding="utf-8") as file, progress_bar("rerun", readings.stat().st_size) as show:
+        with partial.open("w", encoding="utf-8") as file, progress_bar("rerun", reader.size) as show:
 
             def settled(state: FusedState) -> None:
                 nonlocal count, first, last
@@ -55,4 +56,6 @@ def run_rerun(readings: Path, train_file: Path, scenario: Path | None, out: Path
         print(f"milepost: {readings}: no state came of it; nothing was written", file=sys.stderr)
     for reason, number in reader.refusals.counts.items():
         print(f"refused {number} as {reason}; first: {reader.first[reason]}", file=sys.stderr)
+    for path in reader.made_otherwise(fingerprint(train)):
+        print(f"{path}: recorded with other settings, or another version: its states may have been others", file=sys.stderr)
     return 0 if count else 1

@@ -1,0 +1,1 @@
+"""The commands for recordings: rerun, info, export, replay."""

@@ -1,0 +1,169 @@
+"""Reads MCAP files, also those that were cut off or have a damaged part: what is there and whole is read."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from io import BytesIO
+from pathlib import Path
+from typing import IO, Any
+
+import zstandard
+from mcap.data_stream import ReadDataStream
+from mcap.exceptions import McapError
+from mcap.opcode import Opcode
+from mcap.reader import make_reader
+from mcap.records import Channel, Chunk, Message, Metadata, Schema
+from mcap.stream_reader import breakup_chunk
+
+from milepost.config.errors import ConfigError
+
+from .file import ENCODING
+from .incoming import Incoming
+from .rows import MSGPACK
+
+MAGIC = b"\x89MCAP0\r\n"
+RECORD = struct.Struct("<BQ")
+SUFFIX = ".mcap"
+# no recorder makes larger ones; a damaged length must not take all memory
+MOST_CHUNK_BYTES = 1 << 30
+# what the library raises on bytes that are none of its
+DAMAGED = (McapError, zstandard.ZstdError, struct.error, ValueError, KeyError, IndexError)
+
+
+def recordings_in(path: Path) -> list[Path]:
+    """A file, or all MCAP files of a folder by name, which is by time. Raises ConfigError."""
+    if path.is_dir():
+        inside = sorted(each for each in path.iterdir() if each.suffix == SUFFIX)
+        if not inside:
+            raise ConfigError(path, "", f"has no {SUFFIX} files")
+        return inside
+    if not path.is_file():
+        raise ConfigError(path, "", "no such file")
+    return [path]
+
+
+@dataclass
+class McapReader:
+    """Reads one file in the order in which it was written.
+
+    `whole`: it has its end and index; known after all has been read. `damaged`: what of it could not be read. `metadata` has
+    what the recorder wrote about the recording, as far as it has been read.
+    """
+
+    path: Path
+    whole: bool = False
+    damaged: list[str] = field(default_factory=list)
+    metadata: dict[str, dict[str, str]] = field(default_factory=dict)
+    read_bytes: int = 0
+    _schemas: dict[int, Schema] = field(default_factory=dict)
+    _channels: dict[int, Channel] = field(default_factory=dict)
+    _unknown: set[int] = field(default_factory=set)
+
+    def messages(self) -> Iterator[Incoming]:
+        """Every message. Raises ConfigError for what is no MCAP file."""
+        try:
+            with self.path.open("rb") as file:
+                self._read_index(file)
+                file.seek(0)
+                if file.read(len(MAGIC)) != MAGIC:
+                    raise ConfigError(self.path, "", "is no MCAP file")
+                yield from self._messages(file)
+        except OSError as error:
+            raise ConfigError(self.path, "", error.strerror or "cannot be read") from error
+
+    def read_metadata(self) -> dict[str, dict[str, str]]:
+        """What the recorder wrote about the recording, without reading the messages."""
+        with self.path.open("rb") as file:
+            file.seek(len(MAGIC))
+            for opcode, length in self._records(file):
+                if opcode == Opcode.METADATA:
+                    self._note(opcode, file.read(length))
+                else:
+                    file.seek(length, 1)
+        return self.metadata
+
+    def _read_index(self, file: IO[bytes]) -> None:
+        """Take the channels from the end, where there is one: then a damaged part takes no other part's with it."""
+        try:
+            summary = make_reader(file).get_summary()
+        except (*DAMAGED, OSError):
+            return
+        if summary is not None:
+            self.whole = True
+            self._schemas, self._channels = dict(summary.schemas), dict(summary.channels)
+
+    def _records(self, file: IO[bytes]) -> Iterator[tuple[int, int]]:
+        """(opcode, length) of every whole record; the caller reads or skips its content before it asks for the next one."""
+        size = file.seek(0, 2)
+        at = file.seek(len(MAGIC))
+        while at + RECORD.size <= size:
+            opcode, length = RECORD.unpack(file.read(RECORD.size))
+            at += RECORD.size + length
+            if at > size or opcode == Opcode.DATA_END:
+                return
+            yield opcode, length
+            self.read_bytes = at
+
+    def _messages(self, file: IO[bytes]) -> Iterator[Incoming]:
+        for opcode, length in self._records(file):
+            if opcode in (Opcode.MESSAGE_INDEX, Opcode.ATTACHMENT):
+                file.seek(length, 1)
+                continue
+            place, body = self.read_bytes, file.read(length)
+            try:
+                yield from self._opened(opcode, body)
+            except (*DAMAGED, MemoryError) as error:
+                self.damaged.append(f"{length} bytes after byte {place}: {error or type(error).__name__}")
+        if self.whole:
+            self.read_bytes = self.path.stat().st_size
+
+    def _opened(self, opcode: int, body: bytes) -> Iterator[Incoming]:
+        if opcode != Opcode.CHUNK:
+            yield from self._note(opcode, body)
+            return
+        chunk = Chunk.read(ReadDataStream(BytesIO(body)))
+        if max(chunk.uncompressed_size, _promised(chunk)) > MOST_CHUNK_BYTES:
+            raise ValueError(f"a chunk of {chunk.uncompressed_size} bytes")
+        for record in breakup_chunk(chunk, validate_crc=True):
+            yield from self._take(record)
+
+    def _note(self, opcode: int, body: bytes) -> Iterator[Incoming]:
+        stream = ReadDataStream(BytesIO(body))
+        if opcode == Opcode.METADATA:
+            found = Metadata.read(stream)
+            self.metadata[found.name] = found.metadata
+        elif opcode == Opcode.SCHEMA:
+            self._take(Schema.read(stream))
+        elif opcode == Opcode.CHANNEL:
+            self._take(Channel.read(stream))
+        elif opcode == Opcode.MESSAGE:
+            return self._take(Message.read(stream, len(body)))
+        return iter(())
+
+    def _take(self, record: Any) -> Iterator[Incoming]:
+        if isinstance(record, Schema):
+            self._schemas[record.id] = record
+        elif isinstance(record, Channel):
+            self._channels[record.id] = record
+        elif isinstance(record, Message):
+            channel = self._channels.get(record.channel_id)
+            if channel is None:
+                if record.channel_id not in self._unknown:
+                    self._unknown.add(record.channel_id)
+                    self.damaged.append(f"messages of channel {record.channel_id}, whose key was in a damaged part")
+                return iter(())
+            return iter((Incoming(channel.topic, self._encoding(channel), record.log_time, record.data),))
+        return iter(())
+
+    def _encoding(self, channel: Channel) -> str:
+        said = channel.metadata.get(ENCODING)
+        schema = self._schemas.get(channel.schema_id)
+        if said is not None or schema is None or channel.message_encoding != "msgpack":
+            return channel.message_encoding if said is None else said
+        return f"{MSGPACK};{schema.name}"
+
+
+def _promised(chunk: Chunk) -> int:
+    return zstandard.frame_content_size(chunk.data) if chunk.compression == "zstd" else 0

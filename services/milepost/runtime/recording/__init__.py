@@ -1,0 +1,1 @@
+"""Recordings and the live bus: the recorder's process, and replays."""
