@@ -40,8 +40,8 @@ def python(job: Job, output: int | None) -> int:
     return process.pid
 
 
-def job(name: str, program: str, *arguments: str, restart: bool = True) -> Job:
-    return Job(name, ("run", name), (program, *arguments), lambda: None, restart)
+def job(name: str, program: str, *arguments: str, restart: bool = True, tells: bool = False) -> Job:
+    return Job(name, ("run", name), (program, *arguments), lambda: None, restart, tells=tells)
 
 
 class Clock:
@@ -225,3 +225,15 @@ def test_stopping_ends_the_router_last_and_kills_what_does_not_end(tmp_path: Pat
     assert [child.code for child in supervisor.children] == [0, 0, -signal.SIGKILL]
     assert not hanging.running
     assert int(paths["fuser"].read_text()) < int(paths["router"].read_text())
+
+
+def test_stopping_ends_those_first_that_would_tell_that_others_are_gone(tmp_path: Path, clock: Clock) -> None:
+    supervisor = Supervisor(launch=python, clock=clock)
+    paths = {name: tmp_path / name for name in ("router", "sensor", "fuser")}
+    for name, path in paths.items():
+        supervisor.start(job(name, OBEDIENT, str(path), tells=name == "fuser"))
+    for path in paths.values():
+        ready(path)
+    assert supervisor.stop() == []
+    ended_ns = {name: int(path.read_text()) for name, path in paths.items()}
+    assert sorted(ended_ns, key=ended_ns.__getitem__) == ["fuser", "sensor", "router"]

@@ -68,6 +68,8 @@ JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 StateDirOption = Annotated[
     Path | None,
     typer.Option(
-        "--state-dir", envvar="MILEPOST_STATE_DIR", help="Folder in which filters keep their calibration between runs."
+        "--state-dir",
+        envvar="MILEPOST_STATE_DIR",
+        help="Folder for what outlives a run: calibrations of filters and, in pki/TRAIN, certificates.",
     ),
 ]

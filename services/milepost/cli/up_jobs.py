@@ -31,7 +31,7 @@ def display_job(
     for name in expected:
         options += ["--expect", name]
     body = partial(run_display, connection, train, expected, mode, began_ns)
-    return Job("display", ("display",), tuple(options), body, stdin=heard)
+    return Job("display", ("display",), tuple(options), body, stdin=heard, tells=True)
 
 
 def measuring_jobs(connection: Connection, report: Path | None, stalls: Path) -> Iterator[Job]:

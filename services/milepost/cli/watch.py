@@ -48,7 +48,8 @@ class Screen:
             self._recent.append(message)
         elif isinstance(message, Truth):
             # the truth of an epoch is told a little after its state
-            for state in self._recent:
+            # states come in another thread meanwhile
+            for state in tuple(self._recent):
                 if (state.train, state.measured_at_ns) == (message.train, message.measured_at_ns):
                     self.errors[state.train] = _error(state, message)
         elif isinstance(message, Health):

@@ -33,7 +33,7 @@ class Job:
     """What a child process does: `run` in a fork, or `milepost WORDS OPTIONS` as a command.
 
     `words` are also its title in process lists. `restart`: whether it is started again when it fails. `stdin` is a file
-    descriptor or None for nothing to read.
+    descriptor or None for nothing to read. `tells`: it tells of the others, and ends before they do.
     """
 
     name: str
@@ -42,6 +42,7 @@ class Job:
     run: Callable[[], object]
     restart: bool = True
     stdin: int | None = None
+    tells: bool = False
 
     @property
     def title(self) -> str:

@@ -122,13 +122,15 @@ class Supervisor:
         return (f"{child.name} restarted",)
 
     def stop(self) -> list[str]:
-        """SIGTERM to all but the routers, which go last; SIGKILL to what is still there after three seconds.
+        """SIGTERM to those that would tell that others go, then to all but the routers, which go last.
 
-        Returns sentences about those that had to be killed.
+        SIGKILL to what is still there after three seconds. Returns sentences about those that had to be killed.
         """
         said = []
         routers = [child for child in self.children if is_router(child.name)]
-        for group in ([child for child in self.children if child not in routers], routers):
+        telling = [child for child in self.children if child.job.tells]
+        others = [child for child in self.children if child not in routers and child not in telling]
+        for group in (telling, others, routers):
             for child in group:
                 _send(child, signal.SIGTERM)
             deadline = time.monotonic() + KILL_AFTER_S

@@ -16,6 +16,9 @@ from . import zenoh_config
 from .launch import Job
 from .process import ProcessOptions, run_process, run_router
 
+# who notices that others are gone
+TELLING = ("fuser", "voter")
+
 
 def router_jobs(
     endpoints: Sequence[str], files: Callable[[str], Path] | None = None, run: Callable[..., None] = run_router
@@ -58,6 +61,7 @@ def train_jobs(
             ("run", process.role, *unit),
             _command_options(train, process, options),
             partial(run_process, train, process.role, process.unit, options, world if role.uses_world else None),
+            tells=process.role in TELLING,
         )
 
 
