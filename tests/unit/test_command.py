@@ -143,6 +143,11 @@ main()
         ("up --duration abc", "up: Invalid value for '--duration': "),
         ("up --duration", "Option '--duration' requires an argument; see `milepost --help`"),
         ("up --trian x", "up: No such option: --trian (Possible options: --train); see `milepost up --help`"),
+        ("up --fleet three-trains --train metro", "up: --fleet: names its trains itself; leave out --train"),
+        ("up --connect tcp/a:1 --listen tcp/b:1", "up: --connect: joins a router that runs; leave out --listen"),
+        ("up --secure --train metro --train maglev", "up: --secure: is for one train with a router of its own"),
+        ("up --secure --connect tcp/a:1", "up: --secure: is for one train with a router of its own"),
+        ("up --fleet tree-trains", "tree-trains: neither a file nor one of the fleets: three-trains; did you mean"),
         ("up metro", "up: Got unexpected extra argument(s) (metro); did you mean `--train metro`?; see `milepost up --help`"),
         ("acl metro", "acl: Got unexpected extra argument(s) (metro); did you mean `--train metro`?"),
         ("pki rotate metro", "pki: rotate: Got unexpected extra argument(s) (metro); did you mean `--train metro`?"),
@@ -170,11 +175,11 @@ def test_the_command_alone_shows_its_help(command: Command) -> None:
 
 
 def test_every_command_takes_its_train_by_the_same_option() -> None:
-    """`inject` takes the name of a running one, the others a train file or its name; nowhere is it an argument."""
+    """`inject` and `watch` take the name of a running one, others a train file or its name; nowhere is it an argument."""
     commands = dict(typer.main.get_group(app).commands)
     commands |= {f"pki {name}": command for name, command in commands.pop("pki").commands.items()}
     taking = {(name, *p.opts) for name, command in commands.items() for p in command.params if p.name == "train"}
-    named = {"up", "run", "rerun", "chaos", "inject", "acl", "pki init", "pki issue", "pki rotate"}
+    named = {"up", "watch", "run", "rerun", "chaos", "inject", "acl", "pki init", "pki issue", "pki rotate"}
     assert taking == {(name, "--train") for name in named}
 
 

@@ -9,6 +9,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -167,6 +168,14 @@ def test_nothing_is_restarted_once_the_scenario_is_over(supervisor: Supervisor, 
     ended(loop)
     clock.now += 100.0
     assert supervisor.watch() == []
+
+
+def test_the_end_of_one_trains_scenario_ends_no_other_train(clock: Clock) -> None:
+    supervisor = Supervisor(launch=python, clock=clock)
+    ended(supervisor.start(replace(job("world", ""), train="a")))
+    ended(supervisor.start(replace(job("loop", "raise SystemExit(3)"), train="a")))
+    ended(supervisor.start(replace(job("loop", "raise SystemExit(3)"), train="b")))
+    assert supervisor.watch() == ["b loop ended with exit code 3"]
 
 
 def test_a_restart_that_the_system_refuses_is_tried_again(clock: Clock) -> None:

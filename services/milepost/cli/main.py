@@ -15,13 +15,21 @@ from milepost.runtime.zenoh_config import DEFAULT_ENDPOINT
 
 from .campaign_command import campaign
 from .chaos_command import chaos
-from .helper_commands import display, observe, sentinel
+from .helper_commands import display, observe, sentinel, vacant
 from .inject_command import FREE_OPTIONS, inject
-from .options import ConnectOption, JsonOption, StateDirOption, TrainOption, ZenohConfigOption, complete_scenario, show_versions
+from .options import (
+    DEFAULT_TRAIN,
+    ConnectOption,
+    JsonOption,
+    StateDirOption,
+    TrainOption,
+    ZenohConfigOption,
+    complete_scenario,
+    show_versions,
+)
 from .pki_command import acl, pki
+from .up_command import up
 from .usage import UsageError, usage_line
-
-DEFAULT_TRAIN = Path("full")
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -41,47 +49,19 @@ def milepost(
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
-@app.command()
-def up(
-    train: TrainOption = DEFAULT_TRAIN,
-    duration: Annotated[
-        float | None, typer.Option("--duration", min=0.1, help="Stop after this many seconds of scenario time.")
-    ] = None,
-    speed: Annotated[
-        float, typer.Option("--speed", min=0.01, max=1000.0, help="Scenario seconds per second of real time.")
-    ] = 1.0,
-    report: Annotated[
-        Path | None, typer.Option("--report", help="When the run ends, write what was measured to this JSON file.")
-    ] = None,
-    headless: Annotated[bool, typer.Option("--headless", help="Show no live table.")] = False,
-    listen: Annotated[
-        list[str], typer.Option("--listen", help="Endpoint on which the router listens. Repeat it for a second router.")
-    ] = [DEFAULT_ENDPOINT],  # noqa: B006
-    state_dir: StateDirOption = None,
-    secure: Annotated[
-        bool,
-        typer.Option(
-            "--secure",
-            help="Only processes and tools with a certificate, each for its own keys. Made in the state folder if needed.",
-        ),
-    ] = False,
-) -> None:
-    """Start a train and show it: a router, and one process for each sensor, each filter, the fuser and the balise service."""
-    from .up import UpOptions, run_up
-
-    found = find_file(train, "trains")
-    raise typer.Exit(run_up(UpOptions(found, duration, speed, report, headless, listen, state_dir, secure)))
+app.command()(up)
 
 
 @app.command()
 def watch(
+    train: Annotated[str, typer.Option("--train", help="Show the train of this name alone, with its sensors.")] = "",
     connect: ConnectOption = [DEFAULT_ENDPOINT],  # noqa: B006
     zenoh_config: ZenohConfigOption = None,
 ) -> None:
-    """Show a live table of the trains on a router; for simulated trains with the true error."""
-    from .watch import run_watch
+    """Show a live table of the trains on a router: of one with its sensors; for simulated trains with the true error."""
+    from .showing.watch import run_watch
 
-    raise typer.Exit(run_watch(zenoh_config or connect))
+    raise typer.Exit(run_watch(zenoh_config or connect, train or "*"))
 
 
 @app.command()
@@ -118,6 +98,7 @@ def run(
     ] = None,
     parent: Annotated[int | None, typer.Option("--parent", hidden=True)] = None,
     state_dir: StateDirOption = None,
+    change: Annotated[str | None, typer.Option("--change", hidden=True)] = None,
 ) -> None:
     """Run one process of a train, as compose.yaml does."""
     from .run import run_role
@@ -134,6 +115,7 @@ def run(
         duration,
         parent,
         state_dir,
+        change,
     )
 
 
@@ -225,7 +207,7 @@ def schema(
     raise typer.Exit(run_schema(out, check))
 
 
-for helper in (display, observe, sentinel):
+for helper in (display, observe, sentinel, vacant):
     app.command(hidden=True)(helper)
 
 

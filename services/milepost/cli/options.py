@@ -9,6 +9,7 @@ import typer
 
 from milepost.config.shipped_files import names_in
 
+DEFAULT_TRAIN = Path("full")
 DISTRIBUTIONS = ("milepost", "milepost-schemas")
 
 
@@ -35,6 +36,11 @@ def complete_train(incomplete: str) -> list[str]:
 def complete_scenario(incomplete: str) -> list[str]:
     """The names of scenarios that begin so."""
     return _complete("scenarios", incomplete)
+
+
+def complete_fleet(incomplete: str) -> list[str]:
+    """The names of fleets that begin so."""
+    return _complete("fleets", incomplete)
 
 
 def complete_campaign(incomplete: str) -> list[str]:

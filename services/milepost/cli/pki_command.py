@@ -12,7 +12,7 @@ import typer
 from milepost.config.errors import ConfigError
 from milepost.config.shipped_files import find_file
 
-from .options import StateDirOption, TrainOption
+from .options import DEFAULT_TRAIN, StateDirOption, TrainOption
 
 # as in milepost.security.authority; the library behind it is not imported before it is needed
 DEFAULT_DAYS = 7.0
@@ -26,7 +26,6 @@ DaysOption = Annotated[float, typer.Option("--days", min=0.0001, max=825.0, help
 HostOption = Annotated[
     list[str], typer.Option("--host", help="Name or address of a router, besides its own name and localhost. Repeatable.")
 ]
-DEFAULT_TRAIN = Path("full")
 
 
 def _say(sentence: str) -> None:

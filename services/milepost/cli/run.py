@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 from milepost.config.errors import ConfigError
@@ -21,6 +22,7 @@ def run_role(
     duration: float | None,
     parent: int | None,
     state_dir: Path | None,
+    change: str | None,
 ) -> None:
     """Run the router or one process of a train. Raises ConfigError."""
     if parent is not None:
@@ -40,10 +42,10 @@ def run_role(
 
     if role not in ROLES:
         raise ConfigError("run", "ROLE", one_of(["router", *ROLES], role))
-    train = load_train(train_file)
+    train = load_train(train_file, None if change is None else json.loads(change))
     units = ROLES[role].instances(train)
     if not ROLES[role].per_unit:
         unit = unit or role
     if unit not in units:
         raise ConfigError("run", "UNIT", one_of(units, unit) if units else f"{train_file} has none with a {role}")
-    run_process(train, role, unit, ProcessOptions(connection, speed, duration, parent, state_dir))
+    run_process(train, role, unit, ProcessOptions(connection, speed, duration, parent, state_dir, change))

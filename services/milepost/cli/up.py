@@ -1,7 +1,7 @@
-"""`milepost up`: a whole train on this machine.
+"""`milepost up`: whole trains on this machine.
 
-What is imported here is light, so that something is shown at once. The rest is imported, and the train loaded, before the first
-process is forked from this one.
+What is imported here is light, so that something is shown at once. The rest is imported, and the trains loaded, before the
+first process is forked from this one.
 """
 
 from __future__ import annotations
@@ -13,21 +13,23 @@ import signal
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from milepost.config.errors import ConfigError
-from milepost.runtime.launch import ONE_THREAD, Job, is_router, share_what_is_loaded
+from milepost.runtime.launch import ONE_THREAD, Job, share_what_is_loaded
 from milepost.runtime.stop_signals import StopSignals
-from milepost.runtime.supervisor import Supervisor
+from milepost.runtime.supervisor import Child, Supervisor
 
 from .endpoint import port_is_free
+from .joining import may_join
 from .proc import age_s, proportional_mib
 
 if TYPE_CHECKING:
-    from .display import Mode
+    from .showing.display import Mode
 
 LOOK_EVERY_S = 0.2
 MEASURE_MEMORY_EVERY_S = 2.0
@@ -38,33 +40,53 @@ MEASURING = ("sentinel", "observer")
 
 @dataclass(frozen=True)
 class UpOptions:
-    """The command line of `milepost up`."""
+    """The command line of `milepost up`. `connect`: the routers to join, instead of those on `listen`."""
 
-    train_file: Path
+    train_files: list[Path]
+    fleet_file: Path | None
     duration_s: float | None
     speed: float
     report: Path | None
     headless: bool
     listen: list[str]
+    connect: list[str]
     state_dir: Path | None
     secure: bool = False
 
     @property
     def mode(self) -> Mode:
-        """How the train is shown."""
+        """How the trains are shown."""
         if self.headless:
             return "start"
         return "table" if sys.stdout.isatty() else "lines"
+
+    @property
+    def endpoints(self) -> list[str]:
+        """Where the routers are."""
+        return self.connect or self.listen
+
+
+@dataclass(frozen=True)
+class Crew:
+    """The processes of one train, and when they are started, in seconds after the first ones."""
+
+    train: str
+    jobs: list[Job]
+    start_after_s: float
 
 
 def run_up(options: UpOptions) -> int:
     """Start everything, show it, end it. Raises ConfigError before anything starts."""
     began_ns = time.time_ns() - round(age_s() * 1e9)
-    _say(f"reading {options.train_file}")
+    _say(f"reading {', '.join(map(str, [*options.train_files, *([options.fleet_file] if options.fleet_file else [])]))}")
     with _nothing_to_end():
         options = _check(options)
-        train, jobs, files = _load(options)
-    _say(f"starting {len(jobs) + len(options.listen)} processes of {train}")
+        crews, files = _load(options)
+        trains = [crew.train for crew in crews]
+        if options.connect and (code := may_join(options.connect, trains)):
+            return code
+    jobs = [job for crew in crews for job in crew.jobs]
+    _say(f"starting {len(jobs) + len(options.listen)} processes of {', '.join(trains)}")
     if files is not None:
         _say(f"tools connect with --zenoh-config {files('dispatch')}")
     from .up_jobs import display_job, measuring_jobs, router_jobs
@@ -74,16 +96,16 @@ def run_up(options: UpOptions) -> int:
     to_table = options.mode == "table" and sys.stderr.isatty()
     supervisor = Supervisor(keep_output=to_table)
     with StopSignals() as stop, _scratch(options.report) as scratch, _telling(to_table) as (tell, heard):
-        names = [job.name for job in jobs]
-        display, observer = (options.listen, options.listen) if files is None else (files("display"), files("observer"))
-        shown = display_job(options.mode, display, train, names, began_ns, heard)
+        names = [*(["router"] if options.listen else []), *(job.label for job in jobs)]
+        display, observer = (options.endpoints if files is None else files(name) for name in ("display", "observer"))
+        shown = display_job(options.mode, display, trains, names, began_ns, heard)
         try:
             for router in router_jobs(options.listen, files):
                 supervisor.start(router)
             supervisor.start(shown, shown=True)
-            for job in (*measuring_jobs(observer, options.report, scratch / "stalls.jsonl"), *jobs):
+            for job in measuring_jobs(observer, trains, options.report, scratch / "stalls.jsonl"):
                 supervisor.start(job)
-            memory_mib = _watch(supervisor, stop, tell, options.report is not None)
+            memory_mib = _watch(supervisor, crews, stop, tell, options.report is not None)
         finally:
             for sentence in supervisor.stop():
                 _say(sentence)
@@ -123,30 +145,38 @@ def _check(options: UpOptions) -> UpOptions:
         except ValueError as error:
             raise ConfigError("up", "--listen", str(error)) from error
         if not free:
-            raise ConfigError("up", "--listen", f"{endpoint} is in use; is another `milepost up` running?")
+            text = f"{endpoint} is in use; is another `milepost up` running? `--connect {endpoint}` joins its router"
+            raise ConfigError("up", "--listen", text)
         if endpoint in options.listen[:i]:
             raise ConfigError("up", "--listen", f"{endpoint} is there twice")
     return options
 
 
-def _load(options: UpOptions) -> tuple[str, list[Job], Files | None]:
-    """The train's name, its processes, and the session files of a secure one, by name.
+def _load(options: UpOptions) -> tuple[list[Crew], Files | None]:
+    """The processes of each train, in the order of their start, and the session files of a secure one, by name.
 
     Everything that they need is imported here, once. Raises ConfigError.
     """
     os.environ.update(ONE_THREAD)
-    from milepost.config.train import load_train
+    from milepost.config.fleet_file import load_fleet, load_together
     from milepost.runtime.process import ProcessOptions
     from milepost.runtime.train_jobs import checked_world, train_jobs
 
-    train = load_train(options.train_file)
+    members = load_together(options.train_files) if options.fleet_file is None else load_fleet(options.fleet_file)
     files = None
     if options.secure:
         from milepost.security.bundle import certified
 
-        files = certified(train, options.state_dir, options.listen)
-    process = ProcessOptions(options.listen, options.speed, options.duration_s, os.getpid(), options.state_dir)
-    return train.name, list(train_jobs(train, checked_world(train, options.duration_s), process, files)), files
+        files = certified(members[0].train, options.state_dir, options.listen)
+    first_s = min(member.start_after_s for member in members)
+    process = ProcessOptions(options.endpoints, options.speed, options.duration_s, os.getpid(), options.state_dir)
+    crews = []
+    for member in sorted(members, key=lambda member: member.start_after_s):
+        # one train alone, as its file says, needs no name beside those of its processes
+        shared = replace(process, change=json.dumps(member.change)) if len(members) > 1 or member.change else process
+        jobs = list(train_jobs(member.train, checked_world(member.train, options.duration_s), shared, files))
+        crews.append(Crew(member.train.name, jobs, (member.start_after_s - first_s) / options.speed))
+    return crews, files
 
 
 @contextlib.contextmanager
@@ -180,14 +210,26 @@ def _telling(to_table: bool) -> Iterator[tuple[Callable[[str], None], int | None
         os.close(tells)
 
 
-def _watch(supervisor: Supervisor, stop: StopSignals, tell: Callable[[str], None], measure: bool) -> float:
-    """Until asked to stop, or the train's processes have ended by themselves. Returns the largest memory seen, in MiB."""
-    train = [child for child in supervisor.children if not is_router(child.name) and child.name not in ("display", *MEASURING)]
-    largest_mib, measure_at = 0.0, time.monotonic() + MEASURE_MEMORY_EVERY_S
-    while not stop.wait(LOOK_EVERY_S):
+def _watch(
+    supervisor: Supervisor, crews: Sequence[Crew], stop: StopSignals, tell: Callable[[str], None], measure: bool
+) -> float:
+    """Start each crew in its time, until asked to stop, or all trains' processes have ended by themselves.
+
+    Returns the largest memory seen, in MiB.
+    """
+    later, crew = deque(crews), list[Child]()
+    begun = time.monotonic()
+    largest_mib, measure_at = 0.0, begun + MEASURE_MEMORY_EVERY_S
+    while True:
+        while later and time.monotonic() >= begun + later[0].start_after_s:
+            if later[0].start_after_s:
+                tell(f"starting {later[0].train}")
+            crew += [supervisor.start(job) for job in later.popleft().jobs]
+        if stop.wait(LOOK_EVERY_S):
+            break
         for sentence in supervisor.watch():
             tell(sentence)
-        if not any(child.running or child.again_at is not None for child in train):
+        if not later and not any(child.running or child.again_at is not None for child in crew):
             break
         if measure and time.monotonic() >= measure_at:
             measure_at += MEASURE_MEMORY_EVERY_S
@@ -201,8 +243,9 @@ def _completed(report: Path, began_ns: int, memory_mib: float) -> bool:
     if not report.is_file():
         return False
     found = json.loads(report.read_text(encoding="utf-8"))
-    first_ns = found.get("first_at_ns")
-    found["first_state_s"] = None if first_ns is None else (first_ns - began_ns) * 1e-9
+    for each in found.get("trains", {"": found}).values():
+        first_ns = each.get("first_at_ns")
+        each["first_state_s"] = None if first_ns is None else (first_ns - began_ns) * 1e-9
     found["memory_pss_mib"] = memory_mib or None
     report.write_text(json.dumps(found, indent=2) + "\n", encoding="utf-8")
     return True

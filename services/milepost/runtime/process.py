@@ -43,13 +43,17 @@ GRACE_NS = NS_PER_S // 5
 
 @dataclass(frozen=True)
 class ProcessOptions:
-    """What the command line says of a process; `state_dir`: where a filter keeps what it learned."""
+    """What the command line says of a process; `state_dir`: where a filter keeps what it learned.
+
+    `change`: of one of several trains, what is different from its file, as JSON.
+    """
 
     connection: Connection
     speed: float = 1.0
     duration_s: float | None = None
     parent: int | None = None
     state_dir: Path | None = None
+    change: str | None = None
 
 
 def set_up_log(name: str) -> None:
@@ -72,7 +76,7 @@ def run_process(train: Train, role_name: str, unit: str, options: ProcessOptions
     """
     role = ROLES[role_name]
     name, instance = process_name(role_name, unit), uuid.uuid4().hex[:8]
-    set_up_log(name)
+    set_up_log(name if options.change is None else f"{train.name} {name}")
     if world is None and role.uses_world and train.file.world is not None:
         world = train.world(options.duration_s)
     # built once before anything is declared, so that a mistake in the configuration shows before anything starts

@@ -62,6 +62,7 @@ def train_jobs(
             _command_options(train, process, options),
             partial(run_process, train, process.role, process.unit, options, world if role.uses_world else None),
             tells=process.role in TELLING,
+            train="" if shared.change is None else train.name,
         )
 
 
@@ -75,4 +76,6 @@ def _command_options(train: Train, process: Process, options: ProcessOptions) ->
         out += ["--duration", str(options.duration_s)]
     if process.role == "filter" and options.state_dir is not None:
         out += ["--state-dir", str(options.state_dir)]
+    if options.change is not None:
+        out += ["--change", options.change]
     return tuple(out)

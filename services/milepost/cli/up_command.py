@@ -1,0 +1,80 @@
+"""The command `milepost up` and its options; it imports its own code when it is called."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from milepost.config.errors import ConfigError
+from milepost.config.shipped_files import find_file
+from milepost.runtime.zenoh_config import DEFAULT_ENDPOINT
+
+from .options import DEFAULT_TRAIN, StateDirOption, complete_fleet, complete_train
+
+
+def up(
+    train: Annotated[
+        list[Path],
+        typer.Option(
+            "--train",
+            autocompletion=complete_train,
+            help="Train file, or the name of one: looked up in ./deploy/trains, then among those shipped with Milepost. "
+            f"Repeat it for several trains on one router. Default: {DEFAULT_TRAIN}.",
+        ),
+    ] = [],  # noqa: B006
+    fleet: Annotated[
+        Path | None,
+        typer.Option(
+            "--fleet",
+            autocompletion=complete_fleet,
+            help="Fleet file instead of trains, or the name of one: looked up in ./deploy/fleets, then among the shipped ones.",
+        ),
+    ] = None,
+    duration: Annotated[
+        float | None, typer.Option("--duration", min=0.1, help="Stop after this many seconds of scenario time.")
+    ] = None,
+    speed: Annotated[
+        float, typer.Option("--speed", min=0.01, max=1000.0, help="Scenario seconds per second of real time.")
+    ] = 1.0,
+    report: Annotated[
+        Path | None, typer.Option("--report", help="When the run ends, write what was measured to this JSON file.")
+    ] = None,
+    headless: Annotated[bool, typer.Option("--headless", help="Show no live table.")] = False,
+    listen: Annotated[
+        list[str],
+        typer.Option(
+            "--listen",
+            help=f"Endpoint on which the router listens. Repeat it for a second router. Default: {DEFAULT_ENDPOINT}.",
+        ),
+    ] = [],  # noqa: B006
+    connect: Annotated[
+        list[str],
+        typer.Option(
+            "--connect", help="Start no router: join the one at this endpoint. Repeat the option to name others for failover."
+        ),
+    ] = [],  # noqa: B006
+    state_dir: StateDirOption = None,
+    secure: Annotated[
+        bool,
+        typer.Option(
+            "--secure",
+            help="Only processes and tools with a certificate, each for its own keys. Made in the state folder if needed.",
+        ),
+    ] = False,
+) -> None:
+    """Start trains and show them: a router, and one process for each sensor, each filter, the fuser and the balise service."""
+    from .up import UpOptions, run_up
+
+    if fleet is not None and train:
+        raise ConfigError("up", "--fleet", "names its trains itself; leave out --train")
+    if connect and listen:
+        raise ConfigError("up", "--connect", "joins a router that runs; leave out --listen")
+    if secure and (connect or fleet is not None or len(train) > 1):
+        raise ConfigError("up", "--secure", "is for one train with a router of its own: others would need its authority")
+    trains = [find_file(each, "trains") for each in train or ([] if fleet is not None else [DEFAULT_TRAIN])]
+    found = None if fleet is None else find_file(fleet, "fleets")
+    listen = listen or ([] if connect else [DEFAULT_ENDPOINT])
+    options = UpOptions(trains, found, duration, speed, report, headless, listen, connect, state_dir, secure)
+    raise typer.Exit(run_up(options))
