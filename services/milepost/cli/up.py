@@ -11,7 +11,6 @@ import json
 import os
 import signal
 import sys
-import tempfile
 import time
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
@@ -27,6 +26,7 @@ from milepost.runtime.supervisor import Child, Supervisor
 from .endpoint import port_is_free
 from .joining import may_join
 from .proc import age_s, proportional_mib
+from .up_output import completed, say, scratch, telling
 
 if TYPE_CHECKING:
     from .showing.display import Mode
@@ -78,7 +78,7 @@ class Crew:
 def run_up(options: UpOptions) -> int:
     """Start everything, show it, end it. Raises ConfigError before anything starts."""
     began_ns = time.time_ns() - round(age_s() * 1e9)
-    _say(f"reading {', '.join(map(str, [*options.train_files, *([options.fleet_file] if options.fleet_file else [])]))}")
+    say(f"reading {', '.join(map(str, [*options.train_files, *([options.fleet_file] if options.fleet_file else [])]))}")
     with _nothing_to_end():
         options = _check(options)
         crews, files = _load(options)
@@ -86,16 +86,16 @@ def run_up(options: UpOptions) -> int:
         if options.connect and (code := may_join(options.connect, trains)):
             return code
     jobs = [job for crew in crews for job in crew.jobs]
-    _say(f"starting {len(jobs) + len(options.listen)} processes of {', '.join(trains)}")
+    say(f"starting {len(jobs) + len(options.listen)} processes of {', '.join(trains)}")
     if files is not None:
-        _say(f"tools connect with --zenoh-config {files('dispatch')}")
+        say(f"tools connect with --zenoh-config {files('dispatch')}")
     from .up_jobs import display_job, measuring_jobs, router_jobs
 
     share_what_is_loaded()
     # the table and what processes write cannot share a terminal
     to_table = options.mode == "table" and sys.stderr.isatty()
     supervisor = Supervisor(keep_output=to_table)
-    with StopSignals() as stop, _scratch(options.report) as scratch, _telling(to_table) as (tell, heard):
+    with StopSignals() as stop, scratch(options.report) as folder, telling(to_table) as (tell, heard):
         names = [*(["router"] if options.listen else []), *(job.label for job in jobs)]
         display, observer = (options.endpoints if files is None else files(name) for name in ("display", "observer"))
         shown = display_job(options.mode, display, trains, names, began_ns, heard)
@@ -103,19 +103,15 @@ def run_up(options: UpOptions) -> int:
             for router in router_jobs(options.listen, files):
                 supervisor.start(router)
             supervisor.start(shown, shown=True)
-            for job in measuring_jobs(observer, trains, options.report, scratch / "stalls.jsonl"):
+            for job in measuring_jobs(observer, trains, options.report, folder / "stalls.jsonl"):
                 supervisor.start(job)
             memory_mib = _watch(supervisor, crews, stop, tell, options.report is not None)
         finally:
             for sentence in supervisor.stop():
-                _say(sentence)
+                say(sentence)
     for name, lines in supervisor.failures().items():
-        _say("\n".join([f"{name} failed; its last lines:", *lines]))
-    return 0 if options.report is None or _completed(options.report, began_ns, memory_mib) else 1
-
-
-def _say(sentence: str) -> None:
-    print(f"milepost: {sentence}", file=sys.stderr, flush=True)
+        say("\n".join([f"{name} failed; its last lines:", *lines]))
+    return 0 if options.report is None or completed(options.report, began_ns, memory_mib) else 1
 
 
 @contextlib.contextmanager
@@ -179,37 +175,6 @@ def _load(options: UpOptions) -> tuple[list[Crew], Files | None]:
     return crews, files
 
 
-@contextlib.contextmanager
-def _scratch(report: Path | None) -> Iterator[Path]:
-    """A folder for what only a report needs."""
-    if report is None:
-        yield Path()
-        return
-    report.unlink(missing_ok=True)
-    with tempfile.TemporaryDirectory(prefix="milepost-") as folder:
-        yield Path(folder)
-
-
-@contextlib.contextmanager
-def _telling(to_table: bool) -> Iterator[tuple[Callable[[str], None], int | None]]:
-    """A function that shows a sentence; where the table does it, also the end of the pipe where it hears them."""
-    if not to_table:
-        yield _say, None
-        return
-    heard, tells = os.pipe()
-    os.set_blocking(tells, False)
-
-    def tell(sentence: str) -> None:
-        with contextlib.suppress(BlockingIOError):  # the table hangs; nothing here may
-            os.write(tells, f"{sentence}\n".encode())
-
-    try:
-        yield tell, heard
-    finally:
-        os.close(heard)
-        os.close(tells)
-
-
 def _watch(
     supervisor: Supervisor, crews: Sequence[Crew], stop: StopSignals, tell: Callable[[str], None], measure: bool
 ) -> float:
@@ -236,16 +201,3 @@ def _watch(
             pids = [child.pid for child in supervisor.children if child.running and child.name not in MEASURING]
             largest_mib = max(largest_mib, proportional_mib([os.getpid(), *pids]))
     return largest_mib
-
-
-def _completed(report: Path, began_ns: int, memory_mib: float) -> bool:
-    """Add to the observer's report what only this process knows; False if there is none."""
-    if not report.is_file():
-        return False
-    found = json.loads(report.read_text(encoding="utf-8"))
-    for each in found.get("trains", {"": found}).values():
-        first_ns = each.get("first_at_ns")
-        each["first_state_s"] = None if first_ns is None else (first_ns - began_ns) * 1e-9
-    found["memory_pss_mib"] = memory_mib or None
-    report.write_text(json.dumps(found, indent=2) + "\n", encoding="utf-8")
-    return True
