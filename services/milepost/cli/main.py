@@ -198,10 +198,10 @@ def events(as_json: JsonOption = False) -> None:
 
 @app.command()
 def schema(
-    out: Annotated[Path, typer.Option("--out", help="Folder to write to.")] = Path("schemas/json"),
+    out: Annotated[Path, typer.Option("--out", help="Folder to write to: that of the repository.")] = Path(),
     check: Annotated[bool, typer.Option("--check", help="Write nothing; exit code 1 if a file differs.")] = False,
 ) -> None:
-    """Export the JSON Schemas of all messages."""
+    """Write what is made from tables: JSON Schemas of messages and configuration files, AsyncAPI, the reference of all keys."""
     from .schema import run_schema
 
     raise typer.Exit(run_schema(out, check))

@@ -1,34 +1,49 @@
-"""`milepost schema`: the messages' JSON Schemas."""
+"""`milepost schema`: all documents that are made from tables and models."""
 
 from __future__ import annotations
 
 import json
 import sys
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
-from milepost_schemas import STREAMS
+from milepost_schemas.asyncapi import asyncapi
+from milepost_schemas.documents import json_schema, schema_names
+
+from .documents.config_models import FILES
+from .documents.config_reference import config_reference
+from .documents.config_schemas import config_schema
+
+MESSAGES, CONFIG, TABLES = "schemas/json", "schemas/config", ("schemas/asyncapi.json", "docs/reference-configuration.md")
 
 
 def schema_files() -> dict[str, str]:
-    """File name and content of every message's JSON Schema."""
-    files = {}
-    for stream in STREAMS:
-        body = {"$schema": "https://json-schema.org/draft/2020-12/schema", **stream.message.model_json_schema()}
-        name = f"{stream.message.SCHEMA}-{stream.message.VERSION}.schema.json"
-        files[name] = json.dumps(body, indent=2, sort_keys=True) + "\n"
-    return files
+    """File name and content of the JSON Schema of every message."""
+    return {f"{name}.schema.json": _text(json_schema(name)) for name in schema_names()}
+
+
+def document_files() -> dict[str, str]:
+    """Path and content of every document."""
+    files = {f"{MESSAGES}/{name}": content for name, content in schema_files().items()}
+    files |= {f"{CONFIG}/{kind}.schema.json": _text(config_schema(kind)) for kind in FILES}
+    return {**files, TABLES[0]: _text(asyncapi()), TABLES[1]: config_reference()}
+
+
+def _text(body: Mapping[str, Any]) -> str:
+    return json.dumps(body, indent=2, ensure_ascii=False) + "\n"
 
 
 def run_schema(out: Path, check: bool) -> int:
     """Write the files, or compare them."""
     differing = []
-    for name, content in schema_files().items():
+    for name, content in document_files().items():
         path = out / name
         if path.is_file() and path.read_text(encoding="utf-8") == content:
             continue
         differing.append(name)
         if not check:
-            out.mkdir(parents=True, exist_ok=True)
+            path.parent.mkdir(parents=True, exist_ok=True)
             path.write_text(content, encoding="utf-8")
     for name in differing:
         print(f"{'differs' if check else 'written'}: {out / name}", file=sys.stderr)
