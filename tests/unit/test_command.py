@@ -147,6 +147,7 @@ main()
         ("up --connect tcp/a:1 --listen tcp/b:1", "up: --connect: joins a router that runs; leave out --listen"),
         ("up --secure --train metro --train maglev", "up: --secure: is for one train with a router of its own"),
         ("up --secure --connect tcp/a:1", "up: --secure: is for one train with a router of its own"),
+        ("up --external radar --fleet three-trains", "up: --external: is for one train; a fleet file has `external` for each"),
         ("up --fleet tree-trains", "tree-trains: neither a file nor one of the fleets: three-trains; did you mean"),
         ("up metro", "up: Got unexpected extra argument(s) (metro); did you mean `--train metro`?; see `milepost up --help`"),
         ("acl metro", "acl: Got unexpected extra argument(s) (metro); did you mean `--train metro`?"),

@@ -10,6 +10,8 @@ import yaml
 from milepost.config.fleet_file import load_fleet, load_together
 from milepost.config.shipped_files import find_file, names_in
 from milepost.config.yaml_files import ConfigError
+from milepost.runtime.process import ProcessOptions
+from milepost.runtime.train_jobs import checked_world, train_jobs
 
 
 def written(folder: Path, *trains: dict) -> Path:
@@ -52,9 +54,10 @@ def test_a_train_may_lie_beside_the_fleet_file(tmp_path: Path, root: Path) -> No
         ([{"train": "metro", "name": "Metro 2"}], "trains.0.name: "),
         ([{"train": "metro", "start_after_s": -1.0}], "trains.0.start_after_s: "),
         ([{"train": "metro", "line": "nowhere"}], "trains.0.line: nowhere: "),
+        ([{"train": "metro", "external": ["radar"]}], "trains.0.external: must be one of odometer-1, "),
         ([{"train": "metro", "change": {"fusion": {"period_ms": 0}}}], "trains.0: "),
     ],
-    ids=["none", "same name", "no train", "unknown key", "bad name", "negative delay", "no line", "bad change"],
+    ids=["none", "same name", "no train", "unknown key", "bad name", "negative delay", "no line", "no unit", "bad change"],
 )
 def test_a_mistake_is_one_line_that_names_the_place(tmp_path: Path, trains: list[dict], line: str) -> None:
     path = written(tmp_path, *trains)
@@ -62,6 +65,17 @@ def test_a_mistake_is_one_line_that_names_the_place(tmp_path: Path, trains: list
         load_fleet(path)
     assert str(caught.value).startswith(f"{path}: {line}")
     assert "\n" not in str(caught.value)
+
+
+def test_a_sensor_of_somebody_elses_has_no_process_here() -> None:
+    """What is needed to build it, such as a world, is not asked for either."""
+    (member,) = load_together([find_file(Path("metro"), "trains")], ["radar-1"])
+    world = checked_world(member.train, 10.0, member.external)
+    names = {job.name for job in train_jobs(member.train, world, ProcessOptions([]), None, member.external)}
+    assert "sensor-radar-1" not in names
+    assert {"filter-radar-1", "sensor-radar-2"} <= names
+    with pytest.raises(ConfigError, match=r"up: --external: must be one of odometer-1, .*, not 'radar'; did you mean"):
+        load_together([member.train.path], ["radar"])
 
 
 def test_two_trains_of_one_name_are_refused_with_both_files() -> None:

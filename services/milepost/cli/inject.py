@@ -16,7 +16,7 @@ from milepost.config.ranges import limits_of, range_of
 from milepost.nodes.voting.memory_fault import FUSER_FAULTS, options_from
 from milepost.recordings.options import nearest
 from milepost.runtime.bus import NoRouterError
-from milepost.runtime.chaos import NoAnswerError, send_command
+from milepost.runtime.injecting.commands import NoAnswerError, send_command
 from milepost.runtime.zenoh_config import Connection
 from milepost.simulation.faults import FAULTS, FaultEntry, FaultKind, reason_of
 

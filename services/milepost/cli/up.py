@@ -29,6 +29,9 @@ from .proc import age_s, proportional_mib
 from .up_output import completed, say, scratch, telling
 
 if TYPE_CHECKING:
+    from milepost.config.fleet_file import Member
+    from milepost.runtime.process import ProcessOptions
+
     from .showing.display import Mode
 
 LOOK_EVERY_S = 0.2
@@ -52,6 +55,7 @@ class UpOptions:
     connect: list[str]
     state_dir: Path | None
     secure: bool = False
+    external: Sequence[str] = ()
 
     @property
     def mode(self) -> Mode:
@@ -68,11 +72,15 @@ class UpOptions:
 
 @dataclass(frozen=True)
 class Crew:
-    """The processes of one train, and when they are started, in seconds after the first ones."""
+    """The processes of one train, and when they are started, in seconds after the first ones.
+
+    `awaited`: the labels of all that are to come, those included that somebody else starts.
+    """
 
     train: str
     jobs: list[Job]
     start_after_s: float
+    awaited: list[str]
 
 
 def run_up(options: UpOptions) -> int:
@@ -96,7 +104,7 @@ def run_up(options: UpOptions) -> int:
     to_table = options.mode == "table" and sys.stderr.isatty()
     supervisor = Supervisor(keep_output=to_table)
     with StopSignals() as stop, scratch(options.report) as folder, telling(to_table) as (tell, heard):
-        names = [*(["router"] if options.listen else []), *(job.label for job in jobs)]
+        names = [*(["router"] if options.listen else []), *(label for crew in crews for label in crew.awaited)]
         display, observer = (options.endpoints if files is None else files(name) for name in ("display", "observer"))
         shown = display_job(options.mode, display, trains, names, began_ns, heard)
         try:
@@ -112,6 +120,17 @@ def run_up(options: UpOptions) -> int:
     for name, lines in supervisor.failures().items():
         say("\n".join([f"{name} failed; its last lines:", *lines]))
     return 0 if options.report is None or completed(options.report, began_ns, memory_mib) else 1
+
+
+def _crew(member: Member, shared: ProcessOptions, files: Files | None, start_after_s: float) -> Crew:
+    from milepost.runtime.train_jobs import checked_world, train_jobs
+
+    train, external = member.train, member.external
+    jobs = list(train_jobs(train, checked_world(train, shared.duration_s, external), shared, files, external))
+    several = f"{train.name} " if shared.change is not None else ""
+    return Crew(
+        train.name, jobs, start_after_s, [*(job.label for job in jobs), *(f"{several}sensor-{unit}" for unit in external)]
+    )
 
 
 @contextlib.contextmanager
@@ -156,9 +175,10 @@ def _load(options: UpOptions) -> tuple[list[Crew], Files | None]:
     os.environ.update(ONE_THREAD)
     from milepost.config.fleet_file import load_fleet, load_together
     from milepost.runtime.process import ProcessOptions
-    from milepost.runtime.train_jobs import checked_world, train_jobs
 
-    members = load_together(options.train_files) if options.fleet_file is None else load_fleet(options.fleet_file)
+    members = (
+        load_together(options.train_files, options.external) if options.fleet_file is None else load_fleet(options.fleet_file)
+    )
     files = None
     if options.secure:
         from milepost.security.bundle import certified
@@ -170,8 +190,7 @@ def _load(options: UpOptions) -> tuple[list[Crew], Files | None]:
     for member in sorted(members, key=lambda member: member.start_after_s):
         # one train alone, as its file says, needs no name beside those of its processes
         shared = replace(process, change=json.dumps(member.change)) if len(members) > 1 or member.change else process
-        jobs = list(train_jobs(member.train, checked_world(member.train, options.duration_s), shared, files))
-        crews.append(Crew(member.train.name, jobs, (member.start_after_s - first_s) / options.speed))
+        crews.append(_crew(member, shared, files, (member.start_after_s - first_s) / options.speed))
     return crews, files
 
 

@@ -55,6 +55,10 @@ def up(
             "--connect", help="Start no router: join the one at this endpoint. Repeat the option to name others for failover."
         ),
     ] = [],  # noqa: B006
+    external: Annotated[
+        list[str],
+        typer.Option("--external", help="Unit whose sensor is a program of your own, which is not started here. Repeatable."),
+    ] = [],  # noqa: B006
     state_dir: StateDirOption = None,
     secure: Annotated[
         bool,
@@ -69,6 +73,8 @@ def up(
 
     if fleet is not None and train:
         raise ConfigError("up", "--fleet", "names its trains itself; leave out --train")
+    if external and (fleet is not None or len(train) > 1):
+        raise ConfigError("up", "--external", "is for one train; a fleet file has `external` for each")
     if connect and listen:
         raise ConfigError("up", "--connect", "joins a router that runs; leave out --listen")
     if secure and (connect or fleet is not None or len(train) > 1):
@@ -76,5 +82,5 @@ def up(
     trains = [find_file(each, "trains") for each in train or ([] if fleet is not None else [DEFAULT_TRAIN])]
     found = None if fleet is None else find_file(fleet, "fleets")
     listen = listen or ([] if connect else [DEFAULT_ENDPOINT])
-    options = UpOptions(trains, found, duration, speed, report, headless, listen, connect, state_dir, secure)
+    options = UpOptions(trains, found, duration, speed, report, headless, listen, connect, state_dir, secure, external)
     raise typer.Exit(run_up(options))

@@ -12,6 +12,7 @@ from pydantic import BaseModel, BeforeValidator, Field, ValidationInfo
 from milepost.recordings.options import STRICT
 from milepost_schemas.message import Name
 
+from .mistakes import must_be_one_of
 from .shipped_files import named_in_file
 from .train import Train, load_train
 from .yaml_files import ConfigError, merged, read_yaml, validate
@@ -35,7 +36,7 @@ class MemberFile(BaseModel):
     """One train of a fleet: a train file, and what is different from it.
 
     `name`: in keys, instead of the train file's. `start_after_s` of scenario time after the first one. `change`: laid over the
-    train file, as in a scenario.
+    train file, as in a scenario. `external`: units whose sensors are programs of your own.
     """
 
     model_config = STRICT
@@ -44,6 +45,7 @@ class MemberFile(BaseModel):
     line: Annotated[Path, _named("lines")] | None = None
     start_after_s: Annotated[float, Field(ge=0.0, le=86400.0)] = 0.0
     change: dict[str, Any] = Field(default_factory=dict)
+    external: list[Name] = Field(default_factory=list)
 
     @property
     def whole_change(self) -> dict[str, Any]:
@@ -68,13 +70,16 @@ class Member:
     train: Train
     start_after_s: float = 0.0
     change: dict[str, Any] = field(default_factory=dict)
+    external: Sequence[str] = ()
 
 
 def load_fleet(path: Path) -> list[Member]:
     """The trains of a fleet file. Raises ConfigError, also for two of one name."""
     file, out = validate(path, read_yaml(path), FleetFile), list[Member]()
     for number, entry in enumerate(file.trains):
-        out.append(Member(_changed(path, number, entry), entry.start_after_s, entry.whole_change))
+        train = _changed(path, number, entry)
+        check_external(train, entry.external, path, f"trains.{number}.external")
+        out.append(Member(train, entry.start_after_s, entry.whole_change, entry.external))
         for other, before in enumerate(out[:-1]):
             if before.train.name == out[-1].train.name:
                 text = f"trains.{other} is called {before.train.name} too; names must differ"
@@ -82,16 +87,24 @@ def load_fleet(path: Path) -> list[Member]:
     return out
 
 
-def load_together(paths: Sequence[Path]) -> list[Member]:
-    """Trains by their files. Raises ConfigError, also for two of one name."""
+def load_together(paths: Sequence[Path], external: Sequence[str] = ()) -> list[Member]:
+    """Trains by their files, each with these external units. Raises ConfigError, also for two of one name."""
     out: dict[str, Member] = {}
     for path in paths:
         train = load_train(path)
         if train.name in out:
             text = f"{out[train.name].train.path} and {path} are both called {train.name}; a fleet file can give other names"
             raise ConfigError("up", "--train", text)
-        out[train.name] = Member(train)
+        check_external(train, external, "up", "--external")
+        out[train.name] = Member(train, external=external)
     return list(out.values())
+
+
+def check_external(train: Train, external: Sequence[str], file: Path | str, place: str) -> None:
+    """Whether these are units of a train. Raises ConfigError."""
+    for unit in external:
+        if unit not in train.sensors:
+            raise ConfigError(file, place, must_be_one_of(train.sensors, unit))
 
 
 def _changed(path: Path, number: int, entry: MemberFile) -> Train:

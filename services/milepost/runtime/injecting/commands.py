@@ -15,9 +15,9 @@ from milepost.config.errors import ConfigError
 from milepost.config.mistakes import must_be_one_of
 from milepost_schemas import BY_NAME, Event, FaultCommand, Message, encode
 
-from .instances import live_tokens
-from .listening import listening
-from .zenoh_config import Connection, place
+from ..instances import live_tokens
+from ..listening import listening
+from ..zenoh_config import Connection, place
 
 SENSOR, FUSER = "sensor-", "fuser"
 ANSWERS = ("fault_injected", "fault_cleared", "fault_refused")
