@@ -106,6 +106,7 @@ def test_a_train_joins_a_router_and_leaves_it_without_touching_the_others(fleet:
     options = ["--connect", stack.endpoint, "--duration", "3", "--report", str(report)]
     done = milepost("up", "--headless", "--fleet", str(path), *options)
     assert done.returncode == 0, done.stderr
+    assert "absent" not in done.stderr, "the end of a scenario is no failure"
     found = json.loads(report.read_text(encoding="utf-8"))
     # both see it, and the report is of this train alone: it runs for 150 epochs
     assert 100 < found["states"] <= 160

@@ -39,6 +39,8 @@ log = logging.getLogger("milepost")
 LATE_S = 3.0
 # listeners outlive the end of a simulation by this, to hear its last messages
 GRACE_NS = NS_PER_S // 5
+# who has nothing more to say so shortly before the end stays until the listeners are gone: they would tell that it is absent
+LAST_NS = 2 * NS_PER_S
 
 
 @dataclass(frozen=True)
@@ -109,6 +111,8 @@ def run_process(train: Train, role_name: str, unit: str, options: ProcessOptions
             end_ns = start.end_ns + GRACE_NS if start is not None else None
             rates = expected_hz(train, role, unit, node)
             _run(Runner(name, node, bus, clock, end_ns, options.parent, rates), bus, node, clock, train, options.state_dir)
+            if node.finished and start is not None and clock.now_ns() >= start.end_ns - LAST_NS:
+                _stay(bus.inbox, clock, start.end_ns + 2 * GRACE_NS)
 
 
 def _run(runner: Runner, bus: ZenohBus, node: Node, clock: Clock, train: Train, state_dir: Path | None) -> None:
@@ -122,6 +126,16 @@ def _run(runner: Runner, bus: ZenohBus, node: Node, clock: Clock, train: Train, 
         runner.run(store.once_a_second if store else None)
     if store is not None:
         store.write()
+
+
+def _stay(inbox: Inbox, clock: Clock, until_ns: int) -> None:
+    """Keep the token until a time, or until stopped; what comes meanwhile is left unread."""
+    while (left_s := clock.wait_s(until_ns)) > 0.0:
+        try:
+            if isinstance(inbox.get(timeout=left_s), Stop):
+                return
+        except queue.Empty:
+            return
 
 
 def _scenario_start(
