@@ -26,6 +26,8 @@ GROWTH = 0.05
 # a process that was forked goes on to write to pages that it shared at first
 COPIED_MB = 2.0
 KEPT_SHARE = 0.999
+# a unit that lied again and again is on probation for up to 64 s
+RECOVERS_S = 100.0
 
 # name, process id, MB
 Sample = tuple[str, int, float]
@@ -79,7 +81,7 @@ def soak(train_file: Path, minutes: float, seed: int, told: Callable[[str], None
                     told(f"{time.monotonic() - begun:6.0f} s  {out.blows[-1].what}")
                     time.sleep(max(0.0, begun + number * EVERY_S - time.monotonic()))
                     samples += _samples(stack)
-                stack.recover(out.figures)
+                stack.recover(out.figures, RECOVERS_S)
         except (NotInTime, LookupError, OSError) as error:
             out.failures.append(str(error))
         out.missing_elsewhere = _missing_elsewhere(stack.witness.received, out.blows, stack.sentinel.stalls())
