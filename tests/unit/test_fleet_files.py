@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import re
 from pathlib import Path
 
 import pytest
@@ -9,9 +11,12 @@ import yaml
 
 from milepost.config.fleet_file import load_fleet, load_together
 from milepost.config.shipped_files import find_file, names_in
+from milepost.config.train import load_train
 from milepost.config.yaml_files import ConfigError
 from milepost.runtime.process import ProcessOptions
 from milepost.runtime.train_jobs import checked_world, train_jobs
+
+GUIDE = Path("deploy/fleets/README.md").read_text(encoding="utf-8")
 
 
 def written(folder: Path, *trains: dict) -> Path:
@@ -76,6 +81,23 @@ def test_a_sensor_of_somebody_elses_has_no_process_here() -> None:
     assert {"filter-radar-1", "sensor-radar-2"} <= names
     with pytest.raises(ConfigError, match=r"up: --external: must be one of odometer-1, .*, not 'radar'; did you mean"):
         load_together([member.train.path], ["radar"])
+
+
+def test_a_process_that_cannot_be_forked_is_told_what_is_different_from_the_train_file(tmp_path: Path) -> None:
+    (member,) = load_fleet(written(tmp_path, {"train": "maglev", "name": "airport-1", "line": "airport-maglev"}))
+    shared = ProcessOptions([], change=json.dumps(member.change))
+    for job in train_jobs(member.train, checked_world(member.train, 10.0), shared):
+        told = dict(zip(job.options[::2], job.options[1::2], strict=True))
+        train = load_train(Path(told["--train"]), json.loads(told["--change"]))
+        assert (train.name, train.line.name) == ("airport-1", "airport-maglev")
+        assert job.title.endswith("(airport-1)")
+        assert job.label == f"airport-1 {job.name}"
+
+
+@pytest.mark.parametrize("block", re.findall(r"```yaml\n(.*?)```", GUIDE, re.S))
+def test_the_guides_file_is_one(tmp_path: Path, block: str) -> None:
+    (tmp_path / "invented.yaml").write_text(block, encoding="utf-8")
+    assert [member.train.name for member in load_fleet(tmp_path / "invented.yaml")] == ["metro-1", "metro-2"]
 
 
 def test_two_trains_of_one_name_are_refused_with_both_files() -> None:
