@@ -6,6 +6,7 @@ import sys
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 from rich.console import Console, Group
 from rich.live import Live
@@ -29,12 +30,29 @@ SLOW = 0.8
 KEPT_EVENTS = 4
 
 
+class Error(NamedTuple):
+    """The true error of a state, and whether its interval held the true position."""
+
+    position_m: float
+    speed_mps: float
+    inside: bool
+
+    def __str__(self) -> str:
+        """For the table of one train."""
+        where = "inside" if self.inside else "OUTSIDE"
+        return f"{self.position_m:+12.3f} m, {self.speed_mps:+.4f} m/s, {where} the interval"
+
+    def short(self) -> str:
+        """For a row among others."""
+        return f"{self.position_m:+.2f} m" + ("" if self.inside else " OUTSIDE")
+
+
 class Screen:
     """What was last heard, as a table."""
 
     def __init__(self) -> None:
         self.states: dict[str, tuple[FusedState, int]] = {}
-        self.errors: dict[str, str] = {}
+        self.errors: dict[str, Error] = {}
         self.healths: dict[tuple[str, str], Health] = {}
         self.events: list[str] = []
         self.arrivals: Arrivals | None = None
@@ -92,9 +110,10 @@ class Screen:
 
     def _overview(self, states: Sequence[tuple[FusedState, int]]) -> Table:
         """Several trains, one in a row."""
-        table = Table(box=None, padding=(0, 2))
-        for column in ("train", "line", "status", "position m", "interval", "km/h", "in use", "not in use", "true error"):
-            table.add_column(column, justify="right" if column in ("position m", "km/h", "in use") else "left")
+        table = Table(box=None, padding=(0, 1))
+        for column in ("train", "line", "status", "position m", "interval m", "km/h", "in use", "true error", "not in use"):
+            numbers = column in ("position m", "km/h", "in use", "true error")
+            table.add_column(column, justify="right" if numbers else "left", no_wrap=column != "not in use")
         for state, received_ns in states:
             table.add_row(
                 state.train,
@@ -104,8 +123,8 @@ class Screen:
                 f"[{state.position_min_m:.2f}, {state.position_max_m:.2f}]",
                 f"{state.speed_mps * 3.6:.2f}",
                 f"{len(state.sensors)}",
+                self.errors[state.train].short() if state.train in self.errors else "",
                 ", ".join(entry.unit for entry in state.excluded),
-                self.errors.get(state.train, "").strip(),
             )
         return table
 
@@ -122,7 +141,7 @@ class Screen:
         if state.last_balise:
             table.add_row("balise", f"{state.last_balise.balise_id:>12} {state.last_balise.distance_since_m:.1f} m ago")
         if state.train in self.errors:
-            table.add_row("true error", self.errors[state.train])
+            table.add_row("true error", str(self.errors[state.train]))
         return Group(table, self._sensors(state))
 
     def _sensors(self, state: FusedState) -> Table:
@@ -162,10 +181,9 @@ def _rate(health: Health) -> Text:
     return Text(f"{rate:.0f} Hz")
 
 
-def _error(state: FusedState, truth: Truth) -> str:
-    error, wrong = state.position_m - truth.position_m, state.speed_mps - truth.speed_mps
+def _error(state: FusedState, truth: Truth) -> Error:
     inside = state.position_min_m <= truth.position_m <= state.position_max_m
-    return f"{error:+12.3f} m, {wrong:+.4f} m/s, {'inside' if inside else 'OUTSIDE'} the interval"
+    return Error(state.position_m - truth.position_m, state.speed_mps - truth.speed_mps, inside)
 
 
 def run_watch(connect: Connection, train: str = "*") -> int:
