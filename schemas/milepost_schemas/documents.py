@@ -34,12 +34,12 @@ def json_schema(name: str) -> dict[str, Any]:
 def meanings_of(model: type[Part]) -> dict[str, str]:
     """The meaning of each field of a message or a part of one."""
     head = MEANINGS["Message"] if issubclass(model, Message) else {}
-    return {**head, **MEANINGS[model.__name__]}
+    return {**head, **MEANINGS.get(model.__name__, {})}
 
 
 def _describe(body: dict[str, Any], meanings: dict[str, str]) -> None:
     for name, field in body["properties"].items():
-        field["description"] = meanings[name]
+        field["description"] = meanings.get(name) or field.get("description", "")
 
 
 def _by_name() -> dict[str, type[Part]]:

@@ -72,7 +72,8 @@ def test_a_message_has_an_identity_and_every_field_a_description(name: str) -> N
     jsonschema.Draft202012Validator.check_schema(schema)
     assert schema["$id"] == f"urn:milepost:{name}"
     assert schema["description"]
-    assert [key for key, field in properties(schema) if not field.get("description")] == []
+    undescribed = [key for key, field in properties(schema) if not field.get("description")]
+    assert undescribed == [], "say in milepost_schemas/meanings.py what they mean"
 
 
 @pytest.mark.parametrize("row", STREAMS, ids=lambda row: row.name)
@@ -96,7 +97,7 @@ def test_every_key_of_a_configuration_file_has_a_meaning_and_none_is_left_over()
     known = {name: set[str]() for model in models() for name in (each.__name__ for each in model.__mro__)}
     for model in models():
         for key in keys_of(model):
-            assert meaning(model, key)
+            assert meaning(model, key), f"{model.__name__}.{key}: say in cli/documents/meanings.yaml what it means"
             for each in model.__mro__:
                 known[each.__name__].add(key)
     for name, rows in table().items():

@@ -38,14 +38,15 @@ def table() -> dict[str, dict[str, str]]:
 
 
 def meaning(model: type, key: str) -> str:
-    """What a key of a model means: by the model itself, what it is like, or what it inherits from."""
+    """What a key of a model means: by the model itself, what it is like, or what it inherits from; else its own description."""
     for each in model.__mro__:
         rows = table().get(each.__name__, {})
         if key in rows:
             return rows[key]
         if LIKE in rows and key in table()[rows[LIKE]]:
             return table()[rows[LIKE]][key]
-    raise KeyError(f"{model.__name__}.{key} has no meaning")
+    field = model.model_fields[key] if issubclass(model, BaseModel) else None
+    return (field.description if field is not None else None) or ""
 
 
 def keys_of(model: type) -> list[str]:
