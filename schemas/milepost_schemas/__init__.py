@@ -7,6 +7,7 @@ from .event_codes import EVENT_CODES, EventCode
 from .fault import FaultCommand
 from .health import Event, Health, Spread
 from .message import COMMON_STATES, Gaussian, Message, Part
+from .position_report import PositionReport
 from .reading import BaliseTelegram, InertialReading, PositionReading, SpeedReading
 from .snapshot import MOST_PARTS, SnapshotPart
 from .state import BalisePassed, FusedState, SensorExcluded, SensorInUse, SimulationStart, Truth
@@ -37,6 +38,7 @@ __all__ = [
     "Message",
     "Part",
     "PositionReading",
+    "PositionReport",
     "Refused",
     "SensorExcluded",
     "SensorInUse",

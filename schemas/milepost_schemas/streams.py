@@ -14,6 +14,7 @@ from .estimate import AbsoluteFix, Estimate, Feedback
 from .fault import FaultCommand
 from .health import Event, Health
 from .message import Message
+from .position_report import PositionReport
 from .reading import BaliseTelegram, InertialReading, PositionReading, SpeedReading
 from .state import FusedState, Truth
 
@@ -74,6 +75,7 @@ STREAMS: tuple[Stream, ...] = (
     Stream("feedback", "feedback", Feedback, "feedback", "interactive_high", 50, "the fused state, back to the filters"),
     Stream("candidate", "candidate/{unit}", Candidate, "epoch", "real_time", 0, "what one of three fusers would publish"),
     Stream("state", "state", FusedState, "epoch", "real_time", 50, "the product, for dispatch tools"),
+    Stream("position_report", "position_report", PositionReport, "event", "data", 0, "packet 0 of ERTMS/ETCS", SMALL),
     Stream("event", "event", Event, "event", "data", 50, "what a person should read"),
     Stream("health", "health/{unit}", Health, "second", "background", 0, "how a process is doing"),
     Stream("chaos", "@chaos/{unit}", FaultCommand, "event", "data", 0, "what makes a simulated unit's sensor lie"),

@@ -81,7 +81,7 @@ def bare_arithmetic_us(layout: Layout, jerk_psd: float, hypotheses: int) -> floa
         innovations = stack.innovations(moved, spread, h, 0.1, 0.04)
         tested = extended(sums, innovations[2] / np.sqrt(innovations[1]))
         np.count_nonzero(bounds.exceeded(tested, 100))
-        stack.update(moved, spread, h, 0.04, innovations, taken)
+        stack.update(moved, spread, h, 0.04, innovations, taken, None)
 
     timer = timeit.Timer(step)
     return min(timer.repeat(5, 2000)) / 2000 * 1e6

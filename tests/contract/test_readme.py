@@ -19,7 +19,10 @@ from milepost_schemas import STREAMS
 
 ROOT = Path(__file__).resolve().parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
-GUIDES = [README, *((ROOT / name).read_text(encoding="utf-8") for name in ("CONTRIBUTING.md", "docs/add-a-sensor.md"))]
+GUIDES = [
+    README,
+    *((ROOT / name).read_text(encoding="utf-8") for name in ("CONTRIBUTING.md", "docs/add-a-sensor.md", "docs/machines.md")),
+]
 
 
 def commands(text: str) -> Iterator[str]:

@@ -24,6 +24,7 @@ FLOORS = (
     "offline",
     "config",
     "nodes",
+    "feeds",
     "sensors",
     "simulation",
     "recordings",

@@ -86,13 +86,16 @@ def test_listeners_start_before_speakers() -> None:
 
 
 def test_process_names_are_unique_and_can_stand_in_a_key() -> None:
-    train = load_train(ROOT / "deploy" / "trains" / "full-2oo3.yaml")
-    listed = processes(train, live=True)
-    assert len({process.name for process in listed}) == len(listed)
-    for process in listed:
-        assert process.name == process_name(process.role, process.unit)
-        assert BY_NAME["health"].key_for(train.name, process.name).count("/") == 4
-    assert {process.role for process in listed} == set(ROLES)
+    roles = set()
+    for name in ("full-2oo3", "regional"):
+        train = load_train(ROOT / "deploy" / "trains" / f"{name}.yaml")
+        listed = processes(train, live=True)
+        assert len({process.name for process in listed}) == len(listed)
+        for process in listed:
+            assert process.name == process_name(process.role, process.unit)
+            assert BY_NAME["health"].key_for(train.name, process.name).count("/") == 4
+        roles |= {process.role for process in listed}
+    assert roles == set(ROLES)
 
 
 def test_contract_and_estimator_have_the_same_common_states() -> None:

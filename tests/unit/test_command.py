@@ -127,11 +127,14 @@ main()
     ("words", "line"),
     [
         ("campaign", "campaign: FILE: required: campaign file, or the name of one: "),
-        ("run", "run: ROLE: required: one of router, world, sensor, filter, balise, fuser, voter; see `milepost run --help`"),
+        (
+            "run",
+            "run: ROLE: required: one of router, world, sensor, filter, balise, fuser, voter, etcs; see `milepost run ",
+        ),
         ("run sensor", "run: UNIT: required: one of odometer-front, "),
         (
             "run sensr",
-            "run: ROLE: must be one of router, voter, fuser, filter, balise, sensor, world, not 'sensr'",
+            "run: ROLE: must be one of router, etcs, voter, fuser, filter, balise, sensor, world, not 'sensr'",
         ),
         ("rerun", "rerun: READINGS: required: recorded messages: "),
         ("rerun x", "rerun: --out: required: file for the settled states, one per line; see `milepost rerun --help`"),
@@ -209,10 +212,27 @@ def test_a_flag_of_a_fault_needs_no_value(typed: str, flags: dict[str, bool]) ->
     assert fields_of(Wanted(unit, fault, options, None, False, ""))["flags"] == flags
 
 
+@pytest.mark.parametrize(("words", "option"), [("feed", "--port"), ("up --feed 9470", "--feed")])
+def test_a_missing_library_of_the_web_server_is_one_line_that_says_what_to_install(
+    command: Command, monkeypatch: pytest.MonkeyPatch, words: str, option: str
+) -> None:
+    monkeypatch.setitem(sys.modules, "prometheus_client", None)
+    said = command.run(*words.split(), "--connect" if words == "feed" else "--listen", "tcp/127.0.0.1:1")
+    assert (said.code, said.out) == (2, "")
+    line = f"milepost: {words.split()[0]}: {option}: needs prometheus-client and gtfs-realtime-bindings: pip install "
+    assert said.err.splitlines()[-1].startswith(f"{line}'milepost[metrics]'")
+
+
 def test_events_are_listed_with_severity_and_meaning(command: Command) -> None:
     said = command.run("events")
     assert said.code in (0, None)
     assert re.search(r"^unit_excluded +warning +a unit no longer counts, with the evidence$", said.out, re.M)
     rows = json.loads(command.run("events", "--json").out)
     assert len(rows) == len(said.out.splitlines())
-    assert {"code": "second_instance", "severity": "error", "meaning": "a process runs twice"} in rows
+    row = {
+        "code": "second_instance",
+        "severity": "error",
+        "meaning": "a process runs twice",
+        "action": "end all instances but one",
+    }
+    assert row in rows

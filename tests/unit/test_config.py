@@ -227,7 +227,10 @@ GEOJSON: dict[str, Any] = {
 
 
 SUGGESTIONS = {
-    "key": ({"spede": 1}, "spede: unknown key; known keys: train, chaos, line, motion_model, prior, fusion, world, units"),
+    "key": (
+        {"spede": 1},
+        "spede: unknown key; known keys: train, chaos, line, motion_model, prior, fusion, world, etcs, units",
+    ),
     "key of a part": ({"fusion.horizon": 5.0}, "fusion.horizon: unknown key; did you mean 'horizon_s'?"),
     "key of a sensor": ({"units.radar.rate": 9.0}, "units.radar.rate: unknown key; did you mean 'rate_hz'?"),
     "key of a motion": ({f"{WORLD}.profil": []}, "world.motion.profil: unknown key; did you mean 'profile'?"),

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from milepost.estimation.gaussian import inflate_common, replace_common
+from milepost.estimation.gaussian import inflate_common, replace_common, stretched
 
 
 def belief(seed: int, n: int) -> tuple[np.ndarray, np.ndarray]:
@@ -49,3 +49,15 @@ def test_replacing_the_common_belief_equals_bayes_rule_for_what_it_adds(seed, n)
 def test_a_share_outside_zero_to_one_is_an_error(share):
     with pytest.raises(ValueError, match="share"):
         inflate_common(np.zeros(3), np.eye(3), share)
+
+
+def test_what_readings_of_a_scaled_motion_cannot_tell_apart_stays_so_when_the_mean_moves():
+    """By hand: at κ = 0.25 and (v, a) = (10, 1), δκ = 1 comes with δv = 8 and δa = 0.8; at (15, 2) with 12 and 1.6."""
+    before, after = np.array([0.0, 10.0, 1.0, 0.25]), np.array([0.5, 15.0, 2.0, 0.25])
+    direction, moved = np.array([0.0, 8.0, 0.8, 1.0]), np.array([0.4, 12.0, 1.6, 1.0])
+    np.testing.assert_allclose(stretched(before, after, np.outer(direction, direction), 3), np.outer(moved, moved), rtol=1e-14)
+
+
+def test_a_state_that_is_known_is_not_stretched():
+    P = np.diag([1.0, 2.0, 3.0, 0.0])
+    np.testing.assert_array_equal(stretched(np.zeros(4), np.array([1.0, 2.0, 3.0, 0.0]), P, 3), P)

@@ -86,7 +86,7 @@ def test_a_child_has_a_session_of_its_own_and_nothing_to_read() -> None:
 def test_a_childs_output_goes_where_it_is_told(tmp_path: Path) -> None:
     path = tmp_path / "log"
     body = f"file = open({str(path)!r}, 'wb')\n"
-    body += "code_of(lambda: (print('out'), print('err', file=sys.stderr)), file.fileno())"
+    body += "code_of(lambda: print('out') or print('err', file=sys.stderr), file.fileno())"
     assert said(body) == ("", "")
     assert sorted(path.read_text().split()) == ["err", "out"]
 

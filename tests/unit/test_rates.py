@@ -58,5 +58,5 @@ def test_epochs_and_feedback_follow_the_train_file(
 def test_a_train_sends_only_the_streams_of_its_roles() -> None:
     train = load_train(FULL)
     sent = {name for process in processes(train) for name in ROLES[process.role].sends(train, process.unit)}
-    # commands come from a tool, candidates from fusers that are voted on
-    assert sent == set(BY_NAME) - {"event", "health", "chaos", "candidate"}
+    # commands come from a tool, candidates from fusers that are voted on, position reports from a train that is told to
+    assert sent == set(BY_NAME) - {"event", "health", "chaos", "candidate", "position_report"}

@@ -18,14 +18,14 @@ finite = st.floats(-50.0, 50.0)
 taus = st.sampled_from([math.inf, 900.0, 0.5])
 
 
-def layout(tau: float) -> Layout:
-    return Layout((("unit", (PrivateState("bias", 0.0, 1.0, tau, 1e-3),)),))
+def layout(tau: float, scales: bool = False) -> Layout:
+    return Layout((("unit", (PrivateState("bias", 0.0, 1.0, tau, 1e-3, scales),)),))
 
 
-def kernels(tau: float, q: float) -> tuple[PrivateScalarKernel, ArrayKernel]:
-    kernel = kernel_for(layout(tau), q)
+def kernels(tau: float, q: float, scales: bool = False) -> tuple[PrivateScalarKernel, ArrayKernel]:
+    kernel = kernel_for(layout(tau, scales), q)
     assert isinstance(kernel, PrivateScalarKernel)
-    return kernel, ArrayKernel(layout(tau), q)
+    return kernel, ArrayKernel(layout(tau, scales), q)
 
 
 def belief(seed: int) -> tuple[np.ndarray, np.ndarray]:
@@ -49,9 +49,10 @@ def same(a: tuple[np.ndarray, np.ndarray], b: tuple[np.ndarray, np.ndarray], of:
     z=finite,
     R=st.floats(1e-6, 1e3),
     q=st.floats(1e-8, 10.0),
+    scales=st.booleans(),
 )
-def test_its_steps_compute_what_the_general_ones_do(seed, tau, dt, row, z, R, q):
-    scalar, general = kernels(tau, q)
+def test_its_steps_compute_what_the_general_ones_do(seed, tau, dt, row, z, R, q, scales):
+    scalar, general = kernels(tau, q, scales)
     mean, covariance = belief(seed)
     before = general.advance(general.pack(mean, covariance), dt)
     a = scalar.update(scalar.advance(scalar.pack(mean, covariance), dt), row, z, R)

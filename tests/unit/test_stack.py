@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from milepost.estimation import kalman
+from milepost.estimation.gaussian import stretched
 from milepost.fusion.stack import Stack
 
 H, N, R = 7, 5, 0.3
@@ -23,14 +24,17 @@ def rows(each):
     return rng.normal(size=(H, N) if each else N)
 
 
+@pytest.mark.parametrize("scale", [None, 4])
 @pytest.mark.parametrize("each", [False, True])
-def test_update_is_the_filter_s_for_each_belief(beliefs, each):
+def test_update_is_the_filter_s_for_each_belief(beliefs, each, scale):
     x, P = beliefs
     h, stack = rows(each), Stack()
     taken = np.arange(H) != 2
-    x_new, P_new = stack.update(x, P, h, R, stack.innovations(x, P, h, 1.5, R), taken)
+    x_new, P_new = stack.update(x, P, h, R, stack.innovations(x, P, h, 1.5, R), taken, scale)
     for i in range(H):
         mean, covariance = kalman.update(x[i], P[i], h[i] if each else h, 1.5, R) if taken[i] else (x[i], P[i])
+        if scale is not None:
+            covariance = stretched(x[i], mean, covariance, scale)
         np.testing.assert_allclose(x_new[i], mean, rtol=1e-12, atol=1e-13)
         np.testing.assert_allclose(P_new[i], covariance, rtol=1e-12, atol=1e-13)
 
@@ -49,9 +53,9 @@ def test_later_steps_leave_earlier_results_alone(beliefs):
     x, P = beliefs
     h, stack, F = rows(True), Stack(), np.eye(N)
     everyone = np.ones(H, dtype=bool)
-    results = [stack.predict(x, P, F, F), stack.update(x, P, h, R, stack.innovations(x, P, h, 1.5, R), everyone)]
+    results = [stack.predict(x, P, F, F), stack.update(x, P, h, R, stack.innovations(x, P, h, 1.5, R), everyone, 4)]
     before = [(mean.copy(), covariance.copy()) for mean, covariance in results]
     mean, covariance = stack.predict(*results[1], F, F)
-    stack.update(mean, covariance, h, R, stack.innovations(mean, covariance, h, 0.0, R), everyone)
+    stack.update(mean, covariance, h, R, stack.innovations(mean, covariance, h, 0.0, R), everyone, 4)
     for now, then in zip(results, before, strict=True):
         assert all(np.array_equal(a, b) for a, b in zip(now, then, strict=True))

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 
-from milepost.runtime.launch import Job
+from milepost.runtime.launch import ASKED_TO_END, Job
 from milepost.runtime.supervisor import HEALTHY_S, Child, Supervisor, wait_before_restart_s
 
 # says that it is ready, then waits for ever; on SIGTERM it writes the time into the file that it is named
@@ -176,6 +176,19 @@ def test_the_end_of_one_trains_scenario_ends_no_other_train(clock: Clock) -> Non
     ended(supervisor.start(replace(job("loop", "raise SystemExit(3)"), train="a")))
     ended(supervisor.start(replace(job("loop", "raise SystemExit(3)"), train="b")))
     assert supervisor.watch() == ["b loop ended with exit code 3"]
+
+
+def test_processes_are_restarted_after_somebody_has_ended_the_world(supervisor: Supervisor, clock: Clock) -> None:
+    loop = supervisor.start(job("loop", "raise SystemExit(3)"))
+    ended(supervisor.start(job("world", f"raise SystemExit({ASKED_TO_END})")))
+    restarted(supervisor, loop, clock)
+
+
+def test_a_process_that_was_asked_to_end_stays_ended(supervisor: Supervisor, clock: Clock) -> None:
+    child = ended(supervisor.start(job("loop", f"raise SystemExit({ASKED_TO_END})")))
+    clock.now += 100.0
+    assert supervisor.watch() == []
+    assert not child.failed
 
 
 def test_a_restart_that_the_system_refuses_is_tried_again(clock: Clock) -> None:

@@ -17,6 +17,8 @@ from .campaign_command import campaign
 from .chaos_command import chaos
 from .helper_commands import display, observe, sentinel, vacant
 from .inject_command import FREE_OPTIONS, inject
+from .machines.etcs_command import etcs
+from .machines.feed_command import feed
 from .options import (
     DEFAULT_TRAIN,
     ConnectOption,
@@ -50,6 +52,8 @@ def milepost(
 
 
 app.command()(up)
+app.command()(feed)
+app.command()(etcs)
 
 
 @app.command()
@@ -82,7 +86,7 @@ app.command(context_settings=FREE_OPTIONS)(inject)
 
 @app.command()
 def run(
-    role: Annotated[str, typer.Argument(help="One of router, world, sensor, filter, balise, fuser, voter.")],
+    role: Annotated[str, typer.Argument(help="One of router, world, sensor, filter, balise, fuser, voter, etcs.")],
     unit: Annotated[str, typer.Argument(help="The unit, for a sensor or a filter.")] = "",
     train: TrainOption = DEFAULT_TRAIN,
     connect: ConnectOption = [DEFAULT_ENDPOINT],  # noqa: B006
@@ -189,11 +193,14 @@ def rerun(
 
 
 @app.command()
-def events(as_json: JsonOption = False) -> None:
-    """Show every event that processes send: its code, how bad it is, and what it means."""
-    from .events import run_events
+def events(
+    as_json: JsonOption = False,
+    as_rules: Annotated[bool, typer.Option("--prometheus", help="Print alert rules for Prometheus.")] = False,
+) -> None:
+    """Show every event that processes send: its code, how bad it is, and what it means; with --json also what to do."""
+    from .machines.events import run_events
 
-    run_events(as_json)
+    run_events(as_json, as_rules)
 
 
 @app.command()

@@ -56,6 +56,7 @@ class UpOptions:
     state_dir: Path | None
     secure: bool = False
     external: Sequence[str] = ()
+    feed_port: int | None = None
 
     @property
     def mode(self) -> Mode:
@@ -78,6 +79,7 @@ class Crew:
     """
 
     train: str
+    line: Path
     jobs: list[Job]
     start_after_s: float
     awaited: list[str]
@@ -97,7 +99,9 @@ def run_up(options: UpOptions) -> int:
     say(f"starting {len(jobs) + len(options.listen)} processes of {', '.join(trains)}")
     if files is not None:
         say(f"tools connect with --zenoh-config {files('dispatch')}")
-    from .up_jobs import display_job, measuring_jobs, router_jobs
+    if options.feed_port is not None:
+        say(f"http://127.0.0.1:{options.feed_port} lists what machines can read")
+    from .up_jobs import display_job, feed_jobs, measuring_jobs, router_jobs
 
     share_what_is_loaded()
     # the table and what processes write cannot share a terminal
@@ -105,13 +109,18 @@ def run_up(options: UpOptions) -> int:
     supervisor = Supervisor(keep_output=to_table)
     with StopSignals() as stop, scratch(options.report) as folder, telling(to_table) as (tell, heard):
         names = [*(["router"] if options.listen else []), *(label for crew in crews for label in crew.awaited)]
-        display, observer = (options.endpoints if files is None else files(name) for name in ("display", "observer"))
+        display, observer, feed = (
+            options.endpoints if files is None else files(name) for name in ("display", "observer", "feed")
+        )
         shown = display_job(options.mode, display, trains, names, began_ns, heard)
         try:
             for router in router_jobs(options.listen, files):
                 supervisor.start(router)
             supervisor.start(shown, shown=True)
-            for job in measuring_jobs(observer, trains, options.report, folder / "stalls.jsonl"):
+            for job in (
+                *measuring_jobs(observer, trains, options.report, folder / "stalls.jsonl"),
+                *feed_jobs(feed, options.feed_port, [crew.line for crew in crews]),
+            ):
                 supervisor.start(job)
             memory_mib = _watch(supervisor, crews, stop, tell, options.report is not None)
         finally:
@@ -128,9 +137,8 @@ def _crew(member: Member, shared: ProcessOptions, files: Files | None, start_aft
     train, external = member.train, member.external
     jobs = list(train_jobs(train, checked_world(train, shared.duration_s, external), shared, files, external))
     several = f"{train.name} " if shared.change is not None else ""
-    return Crew(
-        train.name, jobs, start_after_s, [*(job.label for job in jobs), *(f"{several}sensor-{unit}" for unit in external)]
-    )
+    awaited = [*(job.label for job in jobs), *(f"{several}sensor-{unit}" for unit in external)]
+    return Crew(train.name, train.file.line, jobs, start_after_s, awaited)
 
 
 @contextlib.contextmanager
@@ -164,6 +172,10 @@ def _check(options: UpOptions) -> UpOptions:
             raise ConfigError("up", "--listen", text)
         if endpoint in options.listen[:i]:
             raise ConfigError("up", "--listen", f"{endpoint} is there twice")
+    if options.feed_port is not None:
+        from .machines.feed import HERE, check_feed
+
+        check_feed(HERE, options.feed_port, "up", "--feed")
     return options
 
 

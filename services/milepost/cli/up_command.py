@@ -60,6 +60,12 @@ def up(
         typer.Option("--external", help="Unit whose sensor is a program of your own, which is not started here. Repeatable."),
     ] = [],  # noqa: B006
     state_dir: StateDirOption = None,
+    feed: Annotated[
+        int | None,
+        typer.Option(
+            "--feed", min=1, max=65535, help="Serve metrics, vehicle positions and GeoJSON on this port of this machine."
+        ),
+    ] = None,
     secure: Annotated[
         bool,
         typer.Option(
@@ -82,5 +88,5 @@ def up(
     trains = [find_file(each, "trains") for each in train or ([] if fleet is not None else [DEFAULT_TRAIN])]
     found = None if fleet is None else find_file(fleet, "fleets")
     listen = listen or ([] if connect else [DEFAULT_ENDPOINT])
-    options = UpOptions(trains, found, duration, speed, report, headless, listen, connect, state_dir, secure, external)
+    options = UpOptions(trains, found, duration, speed, report, headless, listen, connect, state_dir, secure, external, feed)
     raise typer.Exit(run_up(options))

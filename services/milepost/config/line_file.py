@@ -19,6 +19,9 @@ from milepost_schemas.message import Name
 from .yaml_files import ConfigError, read_yaml, validate
 
 Point = tuple[float, float]
+# NID_BG of ERTMS/ETCS; 16383 is unknown
+NID_BG_BITS, LAST_NID_BG = 14, 16382
+NidBg = Annotated[int, Field(ge=0, le=LAST_NID_BG)]
 Metres = Annotated[float, Field(ge=0.0, le=1e7)]
 
 
@@ -29,16 +32,19 @@ class BaliseRow(BaseModel):
     id: Name
     position_m: Metres
     location_accuracy_m: Metres = 12.0
+    nid_bg: NidBg | None = None
+    reverse: bool = False
 
 
 class BaliseRule(BaseModel):
-    """Balises at equal distances; `id` is `prefix` and a number counted from 1."""
+    """Balises at equal distances; `id` is `prefix` and a number counted from 1, NID_BG is counted from `nid_bg_from`."""
 
     model_config = STRICT
     every_m: Annotated[float, Field(ge=2.6)]
     from_m: Metres = 0.0
     prefix: Name = "b"
     location_accuracy_m: Metres = 12.0
+    nid_bg_from: NidBg | None = None
 
 
 Balises = Annotated[
@@ -57,7 +63,8 @@ class LineFile(BaseModel):
 
     Geometry: `geojson`, a LineString feature in the direction of chainage, or `path_csv`, a recorded path with the columns
     `ecef_x_m`, `ecef_y_m`, `ecef_z_m`. Profile: `gradient`, rows [position_m, permille], positive uphill, linear between
-    them and held beyond the ends; `tunnels`, spans [from_m, to_m].
+    them and held beyond the ends; `tunnels`, spans [from_m, to_m]. `nid_c`: the country or region of ERTMS/ETCS to which the
+    balises' `nid_bg` belong.
     """
 
     model_config = STRICT
@@ -67,6 +74,7 @@ class LineFile(BaseModel):
     geojson: DataPath | None = None
     path_csv: DataPath | None = None
     balises: Balises = Field(default_factory=list)
+    nid_c: Annotated[int, Field(ge=0, le=1023)] | None = None
     gradient: list[GradientRow] = Field(default_factory=list)
     tunnels: list[Span] = Field(default_factory=list)
 
@@ -92,6 +100,9 @@ def load_line(path: Path) -> Line:
         "map_accuracy_m": file.map_accuracy_m,
         "balises": [[b.balise_id, b.position_m, b.location_accuracy_m] for b in balises],
     }
+    # a line without identities keeps the hash that it had before there were any
+    if any(b.nid_lrbg is not None for b in balises):
+        content["etcs"] = [[b.balise_id, b.nid_lrbg, b.reverse] for b in balises]
     # a line without a profile keeps the hash that it had before there were profiles
     if gradient:
         content["gradient"] = gradient
@@ -106,18 +117,36 @@ def _balises(path: Path, file: LineFile, length_m: float) -> tuple[Balise, ...]:
         if rule.from_m > length_m:
             raise ConfigError(path, "balises.from_m", f"beyond the line's {length_m:.1f} m")
         count = int((length_m - rule.from_m) / rule.every_m) + 1
+        first = rule.nid_bg_from
+        if first is not None and first + count - 1 > LAST_NID_BG:
+            raise ConfigError(path, "balises.nid_bg_from", f"the last of {count} balises would be beyond {LAST_NID_BG}")
+        identities = [_nid_lrbg(path, file, None if first is None else first + i) for i in range(count)]
         return tuple(
-            Balise(f"{rule.prefix}{i + 1:05d}", rule.from_m + i * rule.every_m, rule.location_accuracy_m) for i in range(count)
+            Balise(f"{rule.prefix}{i + 1:05d}", rule.from_m + i * rule.every_m, rule.location_accuracy_m, identities[i])
+            for i in range(count)
         )
-    seen: set[str] = set()
+    seen: set[str | int] = set()
     for i, row in enumerate(file.balises):
         if row.id in seen:
             raise ConfigError(path, f"balises.{i}.id", f"duplicate balise {row.id}")
+        if row.nid_bg in seen:
+            raise ConfigError(path, f"balises.{i}.nid_bg", f"duplicate balise group {row.nid_bg}")
         if row.position_m > length_m:
             raise ConfigError(path, f"balises.{i}.position_m", f"beyond the line's {length_m:.1f} m")
-        seen.add(row.id)
+        seen |= {row.id} if row.nid_bg is None else {row.id, row.nid_bg}
     rows = sorted(file.balises, key=lambda row: row.position_m)
-    return tuple(Balise(row.id, row.position_m, row.location_accuracy_m) for row in rows)
+    return tuple(
+        Balise(row.id, row.position_m, row.location_accuracy_m, _nid_lrbg(path, file, row.nid_bg), row.reverse) for row in rows
+    )
+
+
+def _nid_lrbg(path: Path, file: LineFile, nid_bg: int | None) -> int | None:
+    """NID_C (10 bits) and NID_BG (14 bits) in one number."""
+    if nid_bg is None:
+        return None
+    if file.nid_c is None:
+        raise ConfigError(path, "nid_c", "required where balises have a `nid_bg`")
+    return file.nid_c << NID_BG_BITS | nid_bg
 
 
 def _points(path: Path, file: LineFile) -> list[Point] | None:

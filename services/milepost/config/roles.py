@@ -13,6 +13,7 @@ from milepost.nodes.base import Node
 from milepost.nodes.faulty import FaultySensor
 from milepost.nodes.filter import FilterNode
 from milepost.nodes.fuser import FuserNode
+from milepost.nodes.position_report import PositionReportNode
 from milepost.nodes.replica import ReplicaNode
 from milepost.nodes.sensor import SensorNode
 from milepost.nodes.voting.agreement import Tolerance
@@ -23,6 +24,7 @@ from milepost.nodes.world import WorldNode
 from milepost.sensors.base import World
 from milepost.simulation.faults import FaultEntry
 
+from .etcs_file import balise_groups
 from .faults import injection
 from .fusion_settings import full_layout, fuser_settings, prior, shares
 from .train import Train
@@ -172,6 +174,10 @@ def _always(*streams: str) -> Callable[[Train, str], tuple[str, ...]]:
     return lambda train, unit: streams  # noqa: ARG005
 
 
+def _etcs_units(train: Train) -> list[str]:
+    return ["etcs"] if train.file.etcs is not None else []
+
+
 def _balise_units(train: Train) -> list[str]:
     return ["balise"] if train.balise_readers else []
 
@@ -184,11 +190,20 @@ def _readings(train: Train, unit: str) -> tuple[str, ...]:
     return (train.sensors[unit].stream,)
 
 
+def _etcs(train: Train, unit: str, setting: Setting) -> Node:  # noqa: ARG001
+    etcs = train.file.etcs
+    if etcs is None:
+        raise ConfigError(train.path, "etcs", "required for the role `etcs`")
+    every_ns = round(etcs.every_s * NS_PER_S)
+    return PositionReportNode(train.name, setting.instance, balise_groups(train.line), etcs.on_board, every_ns)
+
+
 _VOTED = "what two of three fusers agree on"
 _FUSED = "one state an epoch from all estimates and fixes"
 ROLES: dict[str, Role] = {
     role.name: role
     for role in (
+        Role("etcs", "position reports as ERTMS/ETCS sends them", False, False, _etcs_units, _etcs, _always("position_report")),
         Role("voter", _VOTED, False, False, _voters, _voter, _always("state", "feedback"), live_only=True),
         Role("fuser", _FUSED, False, False, _one("fuser"), _fuser, _fused, _fusers),
         Role("filter", "a unit's local filter", True, False, lambda t: t.fused_units, _filter, _always("estimate")),

@@ -17,6 +17,7 @@ from milepost.sensors.base import Sensor, World
 from milepost.track.line import Line
 from milepost_schemas import BY_NAME
 
+from .etcs_file import balise_groups
 from .line_file import load_line
 from .mistakes import must_be_one_of
 from .motion_file import RecordedFile
@@ -117,6 +118,8 @@ def load_train(path: Path, change: Mapping[str, Any] | None = None, seed: int | 
     for where, unit in _units_of_shares(file.fusion.shares):
         if unit not in filters:
             raise ConfigError(path, f"{where}.{unit}", "is not a unit with a filter")
+    if file.etcs is not None and not balise_groups(line):
+        raise ConfigError(path, "etcs", f"needs balises with an identity; line {line.name} has no `nid_c` and `nid_bg`")
     if not train.fused_units:
         raise ConfigError(path, "units", "no unit has a filter")
     for unit, sensor in train.sensors.items():

@@ -13,6 +13,7 @@ from milepost.recordings.options import STRICT, DataPath
 from milepost_schemas.message import Name, PositionM, SpeedMps
 
 from .creep_file import CreepFile
+from .etcs_file import EtcsFile
 from .mistakes import must_be_one_of
 from .motion_file import MotionFile
 
@@ -148,7 +149,10 @@ class MotionModelFile(BaseModel):
 
 
 class TrainFile(BaseModel):
-    """A train: its line, its units in order, how they are fused. `chaos`: whether faults may be injected while it runs."""
+    """A train: its line, its units in order, how they are fused. `chaos`: whether faults may be injected while it runs.
+
+    `etcs`: it reports its position as ERTMS/ETCS does.
+    """
 
     model_config = STRICT
     train: Name
@@ -158,6 +162,7 @@ class TrainFile(BaseModel):
     prior: PriorFile
     fusion: FusionFile = Field(default_factory=FusionFile)
     world: WorldFile | None = None
+    etcs: EtcsFile | None = None
     units: Annotated[dict[Name, dict[str, Any]], Field(min_length=1)]
 
     @field_validator("units")

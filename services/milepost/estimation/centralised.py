@@ -10,6 +10,7 @@ import numpy as np
 from milepost.estimation.time_units import S_PER_NS
 
 from .estimator import Prior
+from .gaussian import stretched
 from .kalman import predict, update
 from .layout import PLACES_OF_COMMON, Array, Layout
 from .motion import Steps
@@ -70,6 +71,10 @@ def _carried(steps: Steps, x: Array, P: Array, dt_ns: int) -> tuple[Array, Array
 def _take(x: Array, P: Array, reading: Reading, layout: Layout) -> tuple[Array, Array]:
     own = layout.indices.get(reading.unit, PLACES_OF_COMMON)
     rows = reading.observe(x, P) if len(own) == layout.dimension else reading.observe(x[list(own)], P[np.ix_(own, own)])
+    scale = layout.scales.get(reading.unit)
     for row, value, variance in rows:
+        before = x
         x, P = update(x, P, np.array(layout.lift(reading.unit, row)), value, variance)
+        if scale is not None:
+            P = stretched(before, x, P, scale)
     return x, P

@@ -65,6 +65,6 @@ class HInfinityKernel(ArrayKernel):
         bounded = bounded_update(*state, h, value, variance, L, self.gamma)
         if bounded is None:
             self.existence.failed += 1
-            return update(*state, h, value, variance)
+            return super().update(state, row, value, variance)
         self.existence.held += 1
-        return bounded
+        return self.stretched(state, row, bounded)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from .gaussian import inflate_common
+from .gaussian import inflate_common, stretched
 from .layout import Array, Layout
 from .motion import Steps
 from .observation import Observation
@@ -48,6 +48,7 @@ class ArrayKernel:
         self.layout = layout
         self.jerk_psd = jerk_psd
         self._steps = Steps(layout, jerk_psd)
+        self._scales = tuple(layout.scales.values())
 
     def pack(self, mean: Array, covariance: Array) -> tuple[Array, Array]:
         """A belief in the kernel's form."""
@@ -78,7 +79,14 @@ class ArrayKernel:
 
     def update(self, state: tuple[Array, Array], row: tuple[float, ...], value: float, variance: float) -> tuple[Array, Array]:
         """The belief after one observation."""
-        return update(*state, np.array(row), value, variance)
+        return self.stretched(state, row, update(*state, np.array(row), value, variance))
+
+    def stretched(self, before: tuple[Array, Array], row: tuple[float, ...], after: tuple[Array, Array]) -> tuple[Array, Array]:
+        """The belief after an observation, where that is of a unit that scales the motion, as in `gaussian.stretched`."""
+        for place in self._scales:
+            if row[place] != 0.0:
+                return after[0], stretched(before[0], *after, place)
+        return after
 
     def take(self, state: tuple[Array, Array], observation: Observation) -> tuple[Array, Array]:
         """The belief after one observation of a timeline."""

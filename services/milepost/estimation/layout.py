@@ -21,7 +21,7 @@ class PrivateState:
     """A state that only one unit observes, such as a scale or a bias: first-order Markov p' = -p/τ + w, w of density q.
 
     `prior_mean`, `prior_std`: in the state's own unit. `time_constant_s` τ: infinite makes it a random walk.
-    `noise_psd` q: in unit²/s.
+    `noise_psd` q: in unit²/s. `scales_motion`: its unit reads the motion over 1 + p, see `gaussian.stretched`.
     """
 
     name: str
@@ -29,6 +29,7 @@ class PrivateState:
     prior_std: float
     time_constant_s: float = math.inf
     noise_psd: float = 0.0
+    scales_motion: bool = False
 
 
 @dataclass(frozen=True)
@@ -36,7 +37,8 @@ class Layout:
     """The order of all states: [s, v, a, block of unit 1, block of unit 2, ...].
 
     `private`: all private states, in order; `dimension` n; `names`: the common ones, then `unit.state`; `indices`: for each
-    unit with a block, the places of [s, v, a, its own]; `identity` (n, n).
+    unit with a block, the places of [s, v, a, its own]; `scales`: the place of each unit's state that scales the motion;
+    `identity` (n, n).
     """
 
     blocks: tuple[tuple[str, tuple[PrivateState, ...]], ...] = ()
@@ -44,12 +46,15 @@ class Layout:
     dimension: int = field(init=False, repr=False, compare=False)
     names: list[str] = field(init=False, repr=False, compare=False)
     indices: dict[str, tuple[int, ...]] = field(init=False, repr=False, compare=False)
+    scales: dict[str, int] = field(init=False, repr=False, compare=False)
     identity: Array = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         places: dict[str, tuple[int, ...]] = {}
+        scales: dict[str, int] = {}
         names = list(COMMON)
         for unit, states in self.blocks:
+            scales.update((unit, len(names) + place) for place, state in enumerate(states) if state.scales_motion)
             places[unit] = (0, 1, 2, *range(len(names), len(names) + len(states)))
             names += [f"{unit}.{state.name}" for state in states]
         object.__setattr__(self, "private", tuple(state for _, states in self.blocks for state in states))
@@ -57,6 +62,7 @@ class Layout:
         object.__setattr__(self, "names", names)
         object.__setattr__(self, "identity", np.eye(len(names)))
         object.__setattr__(self, "indices", places)
+        object.__setattr__(self, "scales", scales)
 
     def only(self, units: Iterable[str]) -> Layout:
         """The layout that holds the blocks of these units alone."""

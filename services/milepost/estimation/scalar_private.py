@@ -72,7 +72,7 @@ class PrivateScalarKernel:
         return self.common.advance(state[0], dt_s), (decay * p, decay * c0, decay * c1, decay * c2, decay * decay * r + noise)
 
     def update(self, state: Belief, row: tuple[float, ...], value: float, variance: float) -> Belief:
-        """The belief after one scalar observation, in Joseph's form."""
+        """The belief after one scalar observation, in Joseph's form; `gaussian.stretched` where p scales the motion."""
         (s, v, a, p00, p01, p02, p11, p12, p22), (p, c0, c1, c2, r) = state
         h0, h1, h2, h3 = row
         g0 = p00 * h0 + p01 * h1 + p02 * h2 + c0 * h3
@@ -91,10 +91,7 @@ class PrivateScalarKernel:
         b1 = k1 * variance - (a10 * h0 + a11 * h1 + a12 * h2 + a13 * h3)
         b2 = k2 * variance - (a20 * h0 + a21 * h1 + a22 * h2 + a23 * h3)
         b3 = k3 * variance - (a30 * h0 + a31 * h1 + a32 * h2 + a33 * h3)
-        common = (
-            s + k0 * e,
-            v + k1 * e,
-            a + k2 * e,
+        p00, p01, p02, p11, p12, p22 = (
             a00 + b0 * k0,
             a01 + b0 * k1,
             a02 + b0 * k2,
@@ -102,7 +99,17 @@ class PrivateScalarKernel:
             a12 + b1 * k2,
             a22 + b2 * k2,
         )
-        return common, (p + k3 * e, a03 + b0 * k3, a13 + b1 * k3, a23 + b2 * k3, a33 + b3 * k3)
+        c0, c1, c2, r = a03 + b0 * k3, a13 + b1 * k3, a23 + b2 * k3, a33 + b3 * k3
+        if self.state.scales_motion and h3 != 0.0:
+            # as in `gaussian.stretched`
+            step = e / (1.0 + p)
+            d0, d1, d2 = k0 * step, k1 * step, k2 * step
+            # with u = c + d r/2: P + d uᵀ + u dᵀ
+            u0, u1, u2 = c0 + 0.5 * r * d0, c1 + 0.5 * r * d1, c2 + 0.5 * r * d2
+            p00, p01, p02 = p00 + 2.0 * d0 * u0, p01 + d0 * u1 + d1 * u0, p02 + d0 * u2 + d2 * u0
+            p11, p12, p22 = p11 + 2.0 * d1 * u1, p12 + d1 * u2 + d2 * u1, p22 + 2.0 * d2 * u2
+            c0, c1, c2 = c0 + r * d0, c1 + r * d1, c2 + r * d2
+        return (s + k0 * e, v + k1 * e, a + k2 * e, p00, p01, p02, p11, p12, p22), (p + k3 * e, c0, c1, c2, r)
 
     def take(self, state: Belief, observation: Observation) -> Belief:
         """The belief after one observation of a timeline."""

@@ -138,12 +138,12 @@ class BankKernel:
         h, z, R, present = row
         innovations = self._stack.innovations(state.x, state.P, h, z, R)
         _, S, nu = innovations
-        uses = state.rows.uses(unit)
+        uses, scale = state.rows.uses(unit), self.layout.scales.get(unit)
         if present is not None:
             uses = uses & present
         suspect = self.doubts.by_unit.get(unit)
         if suspect is None:
-            return state.moved(*self._stack.update(state.x, state.P, h, R, innovations, uses))
+            return state.moved(*self._stack.update(state.x, state.P, h, R, innovations, uses, scale))
         e = nu / np.sqrt(S)
         if present is not None:
             e = np.where(present, e, 0.0)
@@ -151,7 +151,7 @@ class BankKernel:
         place = self._isolation.channel(unit) + component
         heard = _tested(state.channels[place], e, nu, odd)
         taken = uses if odd is None else uses & ~odd
-        after = state.tested(*self._stack.update(state.x, state.P, h, R, innovations, taken), place, heard)
+        after = state.tested(*self._stack.update(state.x, state.P, h, R, innovations, taken, scale), place, heard)
         struck = None
         if odd is not None:
             # where others are in doubt, a fix that fits one hypothesis is a witness against those that it does not fit

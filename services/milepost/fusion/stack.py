@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from milepost.estimation.layout import Array
+from milepost.estimation.layout import N_COMMON, Array
 
 from .evidence import Flags
 
@@ -39,11 +39,12 @@ class Stack:
         return g, (g * h).sum(axis=1) + R, z - (x * h).sum(axis=1)
 
     def update(
-        self, x: Array, P: Array, h: Array, R: Any, innovations: tuple[Array, Array, Array], taken: Flags
+        self, x: Array, P: Array, h: Array, R: Any, innovations: tuple[Array, Array, Array], taken: Flags, scale: int | None
     ) -> tuple[Array, Array]:
         """The update in Joseph's form (see `kalman.update`), with gain 0 for the beliefs that do not take it.
 
-        h (n) or (H, n), R scalar or (H), `innovations` as above, `taken` (H).
+        h (n) or (H, n), R scalar or (H), `innovations` as above, `taken` (H), `scale` the place of a state of the unit that
+        scales the motion: then P follows as in `gaussian.stretched`.
         """
         g, S, nu = innovations
         A, more = self._between(P)
@@ -54,9 +55,14 @@ class Stack:
         B = (R if isinstance(R, float) else R[:, None]) * K - Ah
         np.multiply(B[:, :, None], K[:, None, :], out=more)
         A += more
+        step = K * nu[:, None]
+        if scale is not None:
+            d = step[:, :N_COMMON] / (1.0 + x[:, scale, None])
+            A[:, :N_COMMON] += d[:, :, None] * A[:, scale, None, :]
+            A[:, :, :N_COMMON] += A[:, :, scale, None] * d[:, None, :]
         out = A + A.transpose(0, 2, 1)
         out *= 0.5
-        return x + K * nu[:, None], out
+        return x + step, out
 
     def _between(self, P: Array) -> tuple[Array, Array]:
         kept = self._kept.get(P.shape)

@@ -24,13 +24,15 @@ from .stop_signals import STOPPING, forget_signals
 
 PR_SET_PDEATHSIG = 1
 CONFIGURATION_ERROR = 2
+# a forked child that SIGTERM or SIGINT has ended, as shells write it
+ASKED_TO_END = 128 + signal.SIGTERM
 # numpy on matrices this small only loses time with threads; and a process with threads must not fork
 ONE_THREAD = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
 
 
 @dataclass(frozen=True)
 class Job:
-    """What a child process does: `run` in a fork, or `milepost WORDS OPTIONS` as a command.
+    """What a child process does: `run` in a fork, which may return an exit code, or `milepost WORDS OPTIONS` as a command.
 
     `words` are also its title in process lists. `restart`: whether it is started again when it fails. `stdin` is a file
     descriptor or None for nothing to read. `tells`: it tells of the others, and ends before they do. `train`: of several, whose
@@ -40,7 +42,7 @@ class Job:
     name: str
     words: tuple[str, ...]
     options: tuple[str, ...]
-    run: Callable[[], object]
+    run: Callable[[], int | None]
     restart: bool = True
     stdin: int | None = None
     tells: bool = False
@@ -73,10 +75,10 @@ def end_with_parent(parent: int) -> None:
             os.kill(os.getpid(), signal.SIGKILL)
 
 
-def exit_code(run: Callable[[], object]) -> int:
+def exit_code(run: Callable[[], int | None]) -> int:
     """Run to the end; a mistake in a configuration (2), a failing or a full system (1) is one line, a bug (1) a traceback."""
     try:
-        run()
+        return run() or 0
     except ConfigError as error:
         print(f"milepost: {error}", file=sys.stderr)
         return CONFIGURATION_ERROR
@@ -89,7 +91,6 @@ def exit_code(run: Callable[[], object]) -> int:
     except Exception:
         traceback.print_exc()
         return 1
-    return 0
 
 
 def share_what_is_loaded() -> None:

@@ -71,8 +71,8 @@ def stop_on_signals(inbox: Inbox) -> None:
         signal.signal(number, lambda *_: inbox.put(Stop()))
 
 
-def run_process(train: Train, role_name: str, unit: str, options: ProcessOptions, world: World | None = None) -> None:
-    """Run one process of a train until it is stopped or its simulation ends. Raises ConfigError.
+def run_process(train: Train, role_name: str, unit: str, options: ProcessOptions, world: World | None = None) -> bool:
+    """Run one process of a train until it is stopped or its simulation ends; whether it was stopped. Raises ConfigError.
 
     `world`: the train's, where the caller has built it already.
     """
@@ -97,7 +97,7 @@ def run_process(train: Train, role_name: str, unit: str, options: ProcessOptions
             if train.has_scenario_time:
                 start = _scenario_start(bus, train, node, name, options.speed, announced)
                 if start is None:
-                    return
+                    return True
             clock = Clock(start)
             if role.uses_world and start is not None:
                 late_s = (clock.now_ns() - start.start_ns) / NS_PER_S
@@ -110,22 +110,26 @@ def run_process(train: Train, role_name: str, unit: str, options: ProcessOptions
                 node.continue_numbering(first)
             end_ns = start.end_ns + GRACE_NS if start is not None else None
             rates = expected_hz(train, role, unit, node)
-            _run(Runner(name, node, bus, clock, end_ns, options.parent, rates), bus, node, clock, train, options.state_dir)
-            if node.finished and start is not None and clock.now_ns() >= start.end_ns - LAST_NS:
+            stopped = _run(
+                Runner(name, node, bus, clock, end_ns, options.parent, rates), bus, node, clock, train, options.state_dir
+            )
+            if not stopped and node.finished and start is not None and clock.now_ns() >= start.end_ns - LAST_NS:
                 _stay(bus.inbox, clock, start.end_ns + 2 * GRACE_NS)
+            return stopped
 
 
-def _run(runner: Runner, bus: ZenohBus, node: Node, clock: Clock, train: Train, state_dir: Path | None) -> None:
-    """Begin with what is known, run to the end, keep what was learned."""
+def _run(runner: Runner, bus: ZenohBus, node: Node, clock: Clock, train: Train, state_dir: Path | None) -> bool:
+    """Begin with what is known, run to the end, keep what was learned; whether it was stopped."""
     # without feedback nobody could tell a restarted filter that the fused state holds already what it kept
     store = calibration_store_for(node, train.name, state_dir if train.file.fusion.feedback else None)
     if not (node.remembers and catch_up(bus, node, clock, _names(train))) and store is not None:
         for output in store.restore(clock.now_ns()):
             bus.publish(*output)
     with rare_collection():
-        runner.run(store.once_a_second if store else None)
+        stopped = runner.run(store.once_a_second if store else None)
     if store is not None:
         store.write()
+    return stopped
 
 
 def _stay(inbox: Inbox, clock: Clock, until_ns: int) -> None:

@@ -60,8 +60,8 @@ class Runner:
         self._instances = Instances()
         self._handing_over = HandingOver(bus, node, name)
 
-    def run(self, every_second: Callable[[int], None] | None = None) -> None:
-        """Until stopped, finished, or the simulation's end. `every_second` is done once a second, after health."""
+    def run(self, every_second: Callable[[int], None] | None = None) -> bool:
+        """Until stopped, finished, or the simulation's end; whether it was stopped. `every_second`: done once a second."""
         node, inbox, clock = self._node, self._bus.inbox, self._clock
         while not node.finished:
             tick_ns = node.next_tick_ns()
@@ -73,7 +73,7 @@ class Runner:
                 now_ns = clock.now_ns()
             else:
                 if isinstance(item, Stop):
-                    return
+                    return True
                 now_ns = clock.at(item.at_utc_ns) if isinstance(item, Received) else clock.now_ns()
             begun, handing_over = time.perf_counter(), self._handing_over.busy
             if item is not None:
@@ -88,9 +88,10 @@ class Runner:
                 if every_second is not None:
                     every_second(now_ns)
                 if self._parent_is_gone():
-                    return
+                    return True
             if self._end_ns is not None and now_ns >= self._end_ns:
-                return
+                break
+        return False
 
     def _take(self, item: Received | AliveChange | Question, now_ns: int) -> None:
         if isinstance(item, Received):

@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import IO
 
-from .launch import CONFIGURATION_ERROR, Job, Launch, is_router, launch
+from .launch import ASKED_TO_END, CONFIGURATION_ERROR, Job, Launch, is_router, launch
 
 RESTART_AFTER_S = 0.5
 LONGEST_WAIT_S = 8.0
@@ -96,7 +96,7 @@ class Supervisor:
 
     def watch(self) -> list[str]:
         """Restart what has failed, a moment after. Returns sentences about what happened."""
-        # after its scenario's end a train's restarted process would wait for ever
+        # after its scenario's end a train's restarted process would wait for ever; a world that was asked to end is replaced
         over = {child.job.train for child in self.children if child.name == "world" and not child.running and child.code == 0}
         left = (child for child in self.children if not child.running and child.restart and child.job.train not in over)
         return [sentence for child in left for sentence in self._after(child)]
@@ -104,7 +104,7 @@ class Supervisor:
     def _after(self, child: Child) -> Sequence[str]:
         """What to do about a process that has ended."""
         now = self._clock()
-        if child.code == 0:
+        if child.code in (0, ASKED_TO_END):
             return ()
         child.failed = True
         if child.code == CONFIGURATION_ERROR:  # it would end the same way again

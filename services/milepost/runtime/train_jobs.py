@@ -7,13 +7,14 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from milepost.config.roles import ROLES, Process, Setting, processes
 from milepost.config.train import Train
 from milepost.sensors.base import World
 
 from . import zenoh_config
-from .launch import Job
+from .launch import ASKED_TO_END, Job
 from .process import ProcessOptions, run_process, run_router
 
 # who notices that others are gone
@@ -67,10 +68,15 @@ def train_jobs(
             process.name,
             ("run", process.role, *unit),
             _command_options(train, process, options),
-            partial(run_process, train, process.role, process.unit, options, world if role.uses_world else None),
+            partial(_ended, train, process.role, process.unit, options, world if role.uses_world else None),
             tells=process.role in TELLING,
             train="" if shared.change is None else train.name,
         )
+
+
+def _ended(*process: Any) -> int:
+    """Run a process; its exit code says whether it was asked to end or its work is done."""
+    return ASKED_TO_END if run_process(*process) else 0
 
 
 def _own(processes: Sequence[Process], external: Sequence[str]) -> list[Process]:

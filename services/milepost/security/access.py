@@ -16,7 +16,7 @@ from milepost_schemas import BY_NAME, ROOT, STREAMS, Stream, alive_key, rpc_key,
 ROUTERS = ("router", "router-2")
 # a tool that only reads, one that also sends faults where the train file allows it, and those of `milepost up`
 DISPATCH, CHAOS = "dispatch", "chaos"
-READERS = (DISPATCH, "display", "observer")
+READERS = (DISPATCH, "display", "observer", "feed")
 TOOLS = (*READERS, CHAOS)
 # procedures of the runtime: who remembers the fused state, all that a fuser knows, and when scenario time began
 LATEST, SNAPSHOT, BEGAN = "latest_feedback", "snapshot", "simulation_start"

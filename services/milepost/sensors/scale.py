@@ -40,8 +40,8 @@ class ScaleOptions(SensorOptions):
         if std == 0.0:
             return None
         if tau is None:
-            return PrivateState("scale", 0.0, std, math.inf, self.scale_noise_psd)
-        return PrivateState("scale", 0.0, std, tau, 2.0 * std * std / tau)
+            return PrivateState("scale", 0.0, std, math.inf, self.scale_noise_psd, scales_motion=True)
+        return PrivateState("scale", 0.0, std, tau, 2.0 * std * std / tau, scales_motion=True)
 
 
 class TrueScale:
@@ -76,7 +76,8 @@ def scaled_speed(speed_mps: float, variance_m2ps2: float, belief: Belief | None,
     Why κ divides: for a mean reading z all (v, κ) that explain it lie on the straight line v = (1 + κ) z, which one row
     holds exactly: what is left out, δκ w, fades as ẑ becomes known, whatever κ's uncertainty. In z = (1 + κ) v they lie on a
     hyperbola; δκ δv is then one error common to all readings until κ is known. At 60 m/s and κ ~ N(0, 0.03²), 100 readings
-    a second: NEES 4.3 here, 111 there (75 with the mean and variance of δκ δv in each reading), for 4.
+    a second: NEES 4.3 here, 111 there (75 with the mean and variance of δκ δv in each reading), for 4. The line turns with ẑ;
+    that the covariance turns with it is `estimation.gaussian.stretched`.
     """
     if belief is None:
         row = (0.0, 1.0, 0.0, -speed_mps)

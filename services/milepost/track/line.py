@@ -19,11 +19,17 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Balise:
-    """A balise and its chainage, which is known to within `location_accuracy_m`."""
+    """A balise and its chainage, which is known to within `location_accuracy_m`.
+
+    `nid_lrbg`: the identity of its group in ERTMS/ETCS, NID_C and NID_BG in one number, where it has one; `reverse`: the
+    group's nominal direction is against chainage.
+    """
 
     balise_id: str
     position_m: float
     location_accuracy_m: float
+    nid_lrbg: int | None = None
+    reverse: bool = False
 
 
 @dataclass(frozen=True)

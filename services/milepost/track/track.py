@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from bisect import bisect_right
+from bisect import bisect_left, bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -105,6 +105,14 @@ class Track:
         part = min(max((position_m - chainage[i]) / (chainage[i + 1] - chainage[i]), 0.0), 1.0)
         lat, lon = self._lat, self._lon
         return lat[i] + part * (lat[i + 1] - lat[i]), lon[i] + part * (lon[i + 1] - lon[i])
+
+    def stretch(self, from_m: float, to_m: float) -> list[tuple[float, float]]:
+        """Latitudes and longitudes, in degrees, of the track between two chainages; nothing where it lies beyond an end."""
+        from_m, to_m = max(from_m, self._at[0]), min(to_m, self._at[-1])
+        if from_m >= to_m:
+            return []
+        between = self._at[bisect_right(self._at, from_m) : bisect_left(self._at, to_m)]
+        return [self.locate(position_m) for position_m in (from_m, *between, to_m)]
 
     def heading_deg(self, position_m: float) -> float:
         """The track's heading in the direction of chainage, clockwise from north, in [0, 360)."""

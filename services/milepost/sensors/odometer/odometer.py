@@ -82,7 +82,7 @@ class Odometer(Sensor[OdometerOptions]):
     @property
     def private_states(self) -> tuple[PrivateState, ...]:
         """`scale` κ: true over nominal diameter, less one; wear makes it a random walk."""
-        return (PrivateState("scale", 0.0, self.options.scale_std, noise_psd=self.options.scale_noise_psd),)
+        return (PrivateState("scale", 0.0, self.options.scale_std, noise_psd=self.options.scale_noise_psd, scales_motion=True),)
 
     def observe(self, reading: Any, belief: Belief | None) -> Sequence[Observed]:
         """One row. A bound |v| < b (1 + κ) is v = 0 with the variance given in `pulses`.

@@ -1,0 +1,1 @@
+"""Commands for machines that read: feeds over HTTP, position reports, the table of events."""

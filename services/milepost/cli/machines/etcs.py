@@ -1,0 +1,49 @@
+"""`milepost etcs`: the position reports of ERTMS/ETCS that trains on a router send."""
+
+from __future__ import annotations
+
+import queue
+import sys
+
+from milepost.feeds.position_report_text import in_words
+from milepost.runtime.bus import NoRouterError
+from milepost.runtime.listening import listening
+from milepost.runtime.zenoh_config import Connection
+from milepost_schemas import Message, PositionReport
+
+# reports come at least this often where any train sends them
+SILENT_S = 5.0
+HINT = "no train sends position reports; the section `etcs` of a train file makes it send them"
+
+
+def run_etcs(connect: Connection, as_json: bool, count: int | None) -> int:
+    """Print each report as it comes, until interrupted or `count` have come; 1 where there is no router."""
+    reports: queue.SimpleQueue[PositionReport] = queue.SimpleQueue()
+
+    def receive(_: str, message: Message, __: int) -> None:
+        if isinstance(message, PositionReport):
+            reports.put(message)
+
+    try:
+        with listening(connect, ["position_report"], "*", receive):
+            _print(reports, as_json, count)
+    except NoRouterError as error:
+        print(f"milepost: {error}", file=sys.stderr)
+        return 1
+    except KeyboardInterrupt:
+        return 0
+    return 0
+
+
+def _print(reports: queue.SimpleQueue[PositionReport], as_json: bool, count: int | None) -> None:
+    printed, hinted = 0, False
+    while count is None or printed < count:
+        try:
+            report = reports.get(timeout=SILENT_S)
+        except queue.Empty:
+            if not (printed or hinted):
+                print(f"milepost: {HINT}", file=sys.stderr, flush=True)
+                hinted = True
+            continue
+        print(report.model_dump_json() if as_json else in_words(report), flush=True)
+        printed += 1

@@ -1,0 +1,55 @@
+"""`milepost feed`: metrics, vehicle positions and GeoJSON of the trains on a router, over HTTP."""
+
+from __future__ import annotations
+
+import signal
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from milepost.cli.endpoint import port_is_free
+from milepost.config.errors import ConfigError
+from milepost.config.line_tracks import LineTracks
+from milepost.runtime.zenoh_config import Connection
+
+HERE = "127.0.0.1"
+
+
+def check_feed(host: str, port: int, command: str, option: str) -> None:
+    """Raises ConfigError where the libraries are missing or nothing can listen on a port."""
+    try:
+        import google.transit.gtfs_realtime_pb2  # noqa: F401
+        import prometheus_client  # noqa: F401
+    except ImportError as error:
+        text = f"needs prometheus-client and gtfs-realtime-bindings: pip install 'milepost[metrics]' ({error})"
+        raise ConfigError(command, option, text) from error
+    place = f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
+    try:
+        free = port_is_free(f"tcp/{place}")
+    except ValueError as error:
+        raise ConfigError(command, option, str(error)) from error
+    if not free:
+        raise ConfigError(command, option, f"{place} is in use")
+
+
+def feed_body(
+    connection: Connection, host: str, port: int, lines: Sequence[Path], tell: Callable[[str], None] | None = None
+) -> None:
+    """Serve until stopped. Raises ConfigError for a line file that cannot be used."""
+    from milepost.runtime.web.feed_server import run_feed
+
+    run_feed(connection, host, port, LineTracks(lines, say), tell)
+
+
+def say(sentence: str) -> None:
+    """A sentence to whoever started this."""
+    print(f"milepost: {sentence}", file=sys.stderr, flush=True)
+
+
+def run_feed_command(connection: Connection, host: str, port: int, lines: Sequence[Path]) -> int:
+    """`milepost feed`. Raises ConfigError."""
+    check_feed(host, port, "feed", "--port")
+    # opening a session waits inside Zenoh, where Python cannot see a signal
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    feed_body(connection, host, port, lines, say)
+    return 0

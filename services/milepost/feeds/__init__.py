@@ -1,0 +1,1 @@
+"""What machines read of the trains on a router: metrics, vehicle positions, GeoJSON. Messages in, documents out."""

@@ -1,0 +1,1 @@
+"""The web server for machines that do not speak Zenoh."""
