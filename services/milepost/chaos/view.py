@@ -42,6 +42,11 @@ class View:
         return list(self.jobs)
 
     @property
+    def there(self) -> set[str]:
+        """The names of the processes whose tokens are there."""
+        return {token.unit for token in self.witness.alive if token.train == self.name}
+
+    @property
     def states(self) -> list[FusedState]:
         """All states that the outside subscriber has received."""
         return [state for _, state in self.witness.received]
@@ -104,10 +109,9 @@ class View:
         if not self.witness.received or time.monotonic() < self._lying_until or not self._gone.isdisjoint(self.witness.alive):
             return False
         at_ns, state = self.witness.received[-1]
-        there = {token.unit for token in self.witness.alive if token.train == self.name}
         wanted = {name for name in self.jobs if not is_router(name)}
         fresh = (time.time_ns() - at_ns) * 1e-9 < FRESH_S
-        return fresh and state.status == "normal" and not state.excluded and wanted <= there and self._routers_listen()
+        return fresh and state.status == "normal" and not state.excluded and wanted <= self.there and self._routers_listen()
 
     def _routers_listen(self) -> bool:
         routers = [name for name in self.jobs if is_router(name)]
@@ -127,8 +131,7 @@ class View:
         try:
             self.wait_for(self.healthy, timeout_s, "the train recovered")
         except NotInTime as late:
-            there = {token.unit for token in self.witness.alive}
-            absent = [name for name in self.jobs if not is_router(name) and name not in there]
+            absent = [name for name in self.jobs if not is_router(name) and name not in self.there]
             said = f"{self.state.status}, excluded {[e.unit for e in self.state.excluded]}" if self.state else "no state"
             lingering = [f"{token.unit}/{token.instance}" for token in self.witness.alive if token in self._gone]
             rest = f"tokens of ended instances {lingering}, all routers listen: {self._routers_listen()}"
