@@ -69,7 +69,7 @@ compose-test: $(VENV)/.ready ## test compose.yaml and the Dask cluster with a co
 fuzz: $(VENV)/.fuzz ## feed every decoder with hostile bytes, a million in all (FUZZ="--inputs N --target T")
 	$(BIN)/python -m tests.fuzz $(FUZZ)
 
-schema: $(VENV)/.ready ## export the JSON Schemas
+schema: $(VENV)/.ready ## write the JSON Schemas, AsyncAPI and the reference of all keys
 	$(BIN)/milepost schema
 
 pictures: $(VENV)/.ready ## draw the pictures of the README again

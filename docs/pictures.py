@@ -13,7 +13,7 @@ from pathlib import Path
 from PIL import Image
 from rich.console import Console
 
-from milepost.cli.watch import STREAMS, Screen
+from milepost.cli.showing.watch import STREAMS, Screen
 from milepost.runtime.listening import listening
 
 FOLDER = Path(__file__).resolve().parent / "pictures"

@@ -28,7 +28,7 @@ FILES = (
 # all that looks at the kinds of sensors, at trains and at rooms
 TESTS = ("tests/contract", "tests/unit/test_sensors.py", "tests/unit/test_sensor_node.py", "tests/unit/test_column_map.py")
 ITSELF = "--ignore=tests/contract/test_add_a_sensor.py"
-WHICH = "optical or test_tables or test_compose_file or test_readme"
+WHICH = "optical or test_tables or test_compose_file or test_readme or test_documents"
 RUN = """
 from pathlib import Path
 from milepost.config.shipped_files import find_file
@@ -89,6 +89,7 @@ def followed(tmp_path_factory: pytest.TempPathFactory) -> Copy:
     trains = copy.folder / "deploy/trains"
     full = (trains / "full.yaml").read_text(encoding="utf-8")
     (trains / "mine.yaml").write_text(full + entry, encoding="utf-8")
+    copy.python("-m", "milepost", "schema")
     return copy
 
 

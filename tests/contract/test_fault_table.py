@@ -131,4 +131,4 @@ def test_the_command_lists_every_kind_with_every_option(capsys: pytest.CaptureFi
     printed = capsys.readouterr().out
     for row in FAULTS.values():
         assert f"\n{row.name} " in f"\n{printed}"
-        assert all(f"--{name.replace('_', '-')} " in printed for name in row.options.model_fields)
+        assert all(f"--{name.replace('_', '-')}" in printed for name in row.options.model_fields)

@@ -136,11 +136,13 @@ def maglev() -> Iterator[tuple[Stack, Outside]]:
 
 @pytest.fixture
 def router() -> Iterator[str]:
-    """A router alone; yields its endpoint."""
+    """A router alone, that listens; yields its endpoint."""
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     command = [sys.executable, "-m", "milepost", "run", "router", "--listen", endpoint, "--parent", str(os.getpid())]
-    process = subprocess.Popen(command)
+    process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
     try:
+        assert process.stderr is not None
+        assert any("listening on" in line for line in process.stderr), "it ended before it listened"
         yield endpoint
     finally:
         process.send_signal(signal.SIGTERM)

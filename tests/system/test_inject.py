@@ -116,6 +116,14 @@ def test_a_train_without_chaos_refuses(maglev):
     assert all(m["speed_mps"] < 25.0 for m in outside.messages(READING))
 
 
+def test_a_router_that_takes_no_session_is_told_from_one_that_is_not_there(router):
+    """WHEN somebody listens and does not speak Zenoh with this client, THEN the line says so, and not to start a router."""
+    done = inject(router.replace("tcp/", "tls/"), "radar", "stuck")
+    assert done.returncode == 1
+    assert "somebody listens there, and takes no session: a secure train needs `--zenoh-config`" in done.stderr
+    assert "start one" not in done.stderr
+
+
 def test_without_a_train_or_a_router_it_says_so(router):
     done = inject(router, "radar", "stuck")
     assert (done.returncode, done.stderr) == (1, f"milepost: no train is running at {router}\n")

@@ -13,7 +13,7 @@ import pytest
 import zenoh
 
 from conftest import Outside, Stack, free_port, start
-from milepost.runtime.chaos import send_command
+from milepost.runtime.injecting.commands import send_command
 
 TOP = "milepost/v1/full-1"
 STATE = f"{TOP}/state"

@@ -29,7 +29,7 @@ from milepost.offline.run import OfflineRun
 from milepost.recorder.reading import McapReader, recordings_in
 from milepost.recorder.summary import Summary
 from milepost.runtime import zenoh_config
-from milepost.runtime.chaos import send_command
+from milepost.runtime.injecting.commands import send_command
 from milepost_schemas import BY_NAME, SpeedReading, encode
 
 TOP = "milepost/v1/full-1"

@@ -255,6 +255,9 @@ def test_faults_need_the_certificate_for_them(secure: Secure) -> None:
 
     refused = inject("dispatch")
     assert refused.returncode == 1, refused.stderr
+    (line,) = refused.stderr.splitlines()
+    why = f"router says: dispatch may not put {TOP}/@chaos/radar-rear; in a secure train the certificate `chaos` may inject"
+    assert line.startswith(f"milepost: no permission: {why}")
     secure.said("access_refused", f"dispatch may not put {TOP}/@chaos/radar-rear")
     assert inject("chaos").returncode == 0
 

@@ -20,6 +20,7 @@ import psutil
 import pytest
 
 from conftest import free_port, title_of
+from conftest import running as running_train
 
 MAGLEV = "deploy/trains/maglev.yaml"
 NAMES = {"fuser", "filter radar", "filter loop", "balise", "sensor radar", "sensor loop", "sensor balise-reader", "world"}
@@ -89,6 +90,16 @@ def test_an_interrupt_at_any_moment_is_clean(headless: subprocess.Popen, moment:
     said += headless.communicate(timeout=15.0)[1].splitlines()
     assert headless.returncode in (0, 130, -signal.SIGINT)
     assert not [line for line in said if "Traceback" in line or "Error" in line], "".join(said)
+
+
+def test_the_end_of_a_train_that_runs_is_quiet() -> None:
+    """WHEN a train that has run for two seconds is stopped, THEN no process tells that others are gone."""
+    state = "milepost/v1/maglev-1/state"
+    with running_train(MAGLEV, state) as (stack, outside):
+        first = outside.newest(state)["epoch"]
+        outside.wait_for(lambda: outside.newest(state)["epoch"] >= first + 100, 10.0, "two seconds of states")
+        said = len(stack.errors)
+    assert stack.errors[said:] == []
 
 
 def test_the_first_words_come_before_anything_heavy_is_imported() -> None:

@@ -12,8 +12,10 @@ from pathlib import Path
 from typing import NamedTuple
 
 import pytest
+import typer
 
-from milepost.cli.main import main
+from milepost.cli.inject import Wanted, fields_of
+from milepost.cli.main import app, main
 from milepost.config.shipped_files import names_in
 
 
@@ -144,6 +146,18 @@ main()
         ("up --duration abc", "up: Invalid value for '--duration': "),
         ("up --duration", "Option '--duration' requires an argument; see `milepost --help`"),
         ("up --trian x", "up: No such option: --trian (Possible options: --train); see `milepost up --help`"),
+        ("up --fleet three-trains --train metro", "up: --fleet: names its trains itself; leave out --train"),
+        ("up --connect tcp/a:1 --listen tcp/b:1", "up: --connect: joins a router that runs; leave out --listen"),
+        ("up --secure --train metro --train maglev", "up: --secure: is for one train with a router of its own"),
+        ("up --secure --connect tcp/a:1", "up: --secure: is for one train with a router of its own"),
+        ("up --external radar --fleet three-trains", "up: --external: is for one train; a fleet file has `external` for each"),
+        ("up --fleet tree-trains", "tree-trains: neither a file nor one of the fleets: three-trains; did you mean"),
+        ("up metro", "up: Got unexpected extra argument(s) (metro); did you mean `--train metro`?; see `milepost up --help`"),
+        ("acl metro", "acl: Got unexpected extra argument(s) (metro); did you mean `--train metro`?"),
+        ("pki rotate metro", "pki: rotate: Got unexpected extra argument(s) (metro); did you mean `--train metro`?"),
+        ("inject fuser bit_flip --covariance=true", "inject: --covariance: takes no value; --no-covariance is its opposite"),
+        ("inject fuser bit_flip --covariance true", "inject: true: not an option of bit_flip, which has --bit, "),
+        ("inject radar bias --no-size 1", "inject: --no-size: not an option of bias, which has --size"),
         ("bogus", "No such command 'bogus'; see `milepost --help`"),
         ("run router --config router.json5 --link tcp/127.0.0.1:1", "run: --link: not with --config: router.json5 says itself"),
     ],
@@ -162,6 +176,40 @@ def test_the_command_alone_shows_its_help(command: Command) -> None:
     said = command.run()
     assert "evaluate" in said.out + said.err
     assert "Usage:" in said.out + said.err
+
+
+def test_every_command_takes_its_train_by_the_same_option() -> None:
+    """`inject` and `watch` take the name of a running one, others a train file or its name; nowhere is it an argument."""
+    commands = dict(typer.main.get_group(app).commands)
+    commands |= {f"pki {name}": command for name, command in commands.pop("pki").commands.items()}
+    taking = {(name, *p.opts) for name, command in commands.items() for p in command.params if p.name == "train"}
+    named = {"up", "watch", "run", "rerun", "chaos", "inject", "acl", "pki init", "pki issue", "pki rotate"}
+    assert taking == {(name, "--train") for name in named}
+
+
+def test_the_list_of_faults_states_ranges_defaults_and_flags(command: Command) -> None:
+    said = command.run("inject", "--list").out
+    assert re.search(r"^spin .*\n    --ratio +the wheel turns at .* \(> 0, required\)$", said, re.M)
+    assert re.search(r"^slide .*\n    --ratio +the wheel turns at .* \(≥ -1, < 0, required\)$", said, re.M)
+    assert re.search(r"^    --std +the standard deviation; .* \(> 0\)$", said, re.M)
+    assert re.search(r"^    --covariance/--no-covariance .* \(default off\)$", said, re.M)
+    rows = {row["fault"]: row["options"] for row in json.loads(command.run("inject", "--list", "--json").out)}
+    assert rows["spin"]["ratio"]["exclusiveMinimum"] == 0.0
+    assert (rows["bit_flip"]["bit"]["minimum"], rows["bit_flip"]["bit"]["maximum"]) == (0, 63)
+
+
+@pytest.mark.parametrize(
+    ("typed", "flags"),
+    [
+        ("fuser bit_flip --covariance --bit 3", {"covariance": True}),
+        ("fuser bit_flip --no-covariance", {"covariance": False}),
+        ("balise-reader wrong_balise --no-once", {"once": False}),
+        ("balise-reader wrong_balise", {}),
+    ],
+)
+def test_a_flag_of_a_fault_needs_no_value(typed: str, flags: dict[str, bool]) -> None:
+    unit, fault, *options = typed.split()
+    assert fields_of(Wanted(unit, fault, options, None, False, ""))["flags"] == flags
 
 
 @pytest.mark.parametrize(("words", "option"), [("feed", "--port"), ("up --feed 9470", "--feed")])

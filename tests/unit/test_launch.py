@@ -113,7 +113,7 @@ def test_a_spawned_job_is_the_command_of_the_same_words() -> None:
     body += "print(os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]))"
     out, err = said(body)
     assert out == "1"
-    assert "differs: /nowhere/state-1.schema.json" in err
+    assert "differs: /nowhere/schemas/json/state-1.schema.json" in err
 
 
 def test_a_signal_ends_a_wait_and_a_second_one_changes_nothing() -> None:

@@ -24,7 +24,7 @@ def milepost(*words: str) -> subprocess.CompletedProcess:
 def pki(tmp_path: Path) -> Path:
     pytest.importorskip("cryptography")
     folder = tmp_path / "pki"
-    done = milepost("pki", "init", METRO, "--dir", str(folder), "--days", "2")
+    done = milepost("pki", "init", "--train", METRO, "--dir", str(folder), "--days", "2")
     assert (done.returncode, done.stdout) == (0, ""), done.stderr
     return folder
 
@@ -41,7 +41,7 @@ def test_init_makes_a_folder_for_each_name_with_all_that_a_session_needs(pki: Pa
 
 
 def test_what_is_there_is_not_made_again(pki: Path) -> None:
-    done = milepost("pki", "init", METRO, "--dir", str(pki))
+    done = milepost("pki", "init", "--train", METRO, "--dir", str(pki))
     assert done.returncode == 2
     assert done.stderr == f"milepost: {pki}/ca.pem: there is an authority already; `milepost pki issue` goes on with it\n"
 
@@ -61,16 +61,28 @@ def test_issue_replaces_one_certificate_and_keeps_a_routers_names(pki: Path) -> 
     assert len(wrong.stderr.splitlines()) == 1
 
 
+@pytest.mark.parametrize("words", [["issue", "fuser"], ["rotate"]], ids=lambda words: words[0])
+def test_another_trains_authority_is_refused_and_nothing_is_issued(pki: Path, words: list[str]) -> None:
+    before = {path: path.read_bytes() for path in pki.rglob("*.pem")}
+    done = milepost("pki", *words, "--train", "full", "--dir", str(pki))
+    text = f"{pki}/ca.pem: is the authority of metro-1, not of full-1; name its train with `--train`"
+    assert (done.returncode, done.stderr) == (2, f"milepost: {text}\n")
+    assert {path: path.read_bytes() for path in pki.rglob("*.pem")} == before
+
+
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["pki", "rotate", METRO, "--dir", "nowhere"], "milepost: nowhere/ca.pem: no such file; `milepost pki init` makes"),
         (
-            ["pki", "init", METRO, "--dir", "x", "--listen", "tcp/a:1"],
+            ["pki", "rotate", "--train", METRO, "--dir", "nowhere"],
+            "milepost: nowhere/ca.pem: no such file; `milepost pki init` makes",
+        ),
+        (
+            ["pki", "init", "--train", METRO, "--dir", "x", "--listen", "tcp/a:1"],
             "milepost: pki init: --listen, --connect: 'tcp/a:1' is not tls",
         ),
         (
-            ["pki", "init", METRO, "--dir", "x", "--connect", "tls/a:1", "--connect", "tls/b:1"],
+            ["pki", "init", "--train", METRO, "--dir", "x", "--connect", "tls/a:1", "--connect", "tls/b:1"],
             "milepost: pki init: --connect: there",
         ),
         (["status", "--zenoh-config", "nowhere.json5"], "milepost: nowhere.json5: no such file"),
@@ -94,7 +106,7 @@ def test_a_mistake_is_one_line_and_exit_code_2(words: list[str], said: str) -> N
 
 
 def test_acl_prints_what_zenoh_takes() -> None:
-    done = milepost("acl", METRO)
+    done = milepost("acl", "--train", METRO)
     assert done.returncode == 0
     zenoh.Config.from_json5(done.stdout)
     assert json.loads(done.stdout)["access_control"]["default_permission"] == "deny"

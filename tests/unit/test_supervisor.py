@@ -9,6 +9,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -40,8 +41,8 @@ def python(job: Job, output: int | None) -> int:
     return process.pid
 
 
-def job(name: str, program: str, *arguments: str, restart: bool = True) -> Job:
-    return Job(name, ("run", name), (program, *arguments), lambda: None, restart)
+def job(name: str, program: str, *arguments: str, restart: bool = True, tells: bool = False) -> Job:
+    return Job(name, ("run", name), (program, *arguments), lambda: None, restart, tells=tells)
 
 
 class Clock:
@@ -169,6 +170,14 @@ def test_nothing_is_restarted_once_the_scenario_is_over(supervisor: Supervisor, 
     assert supervisor.watch() == []
 
 
+def test_the_end_of_one_trains_scenario_ends_no_other_train(clock: Clock) -> None:
+    supervisor = Supervisor(launch=python, clock=clock)
+    ended(supervisor.start(replace(job("world", ""), train="a")))
+    ended(supervisor.start(replace(job("loop", "raise SystemExit(3)"), train="a")))
+    ended(supervisor.start(replace(job("loop", "raise SystemExit(3)"), train="b")))
+    assert supervisor.watch() == ["b loop ended with exit code 3"]
+
+
 def test_processes_are_restarted_after_somebody_has_ended_the_world(supervisor: Supervisor, clock: Clock) -> None:
     loop = supervisor.start(job("loop", "raise SystemExit(3)"))
     ended(supervisor.start(job("world", f"raise SystemExit({ASKED_TO_END})")))
@@ -238,3 +247,15 @@ def test_stopping_ends_the_router_last_and_kills_what_does_not_end(tmp_path: Pat
     assert [child.code for child in supervisor.children] == [0, 0, -signal.SIGKILL]
     assert not hanging.running
     assert int(paths["fuser"].read_text()) < int(paths["router"].read_text())
+
+
+def test_stopping_ends_those_first_that_would_tell_that_others_are_gone(tmp_path: Path, clock: Clock) -> None:
+    supervisor = Supervisor(launch=python, clock=clock)
+    paths = {name: tmp_path / name for name in ("router", "sensor", "fuser")}
+    for name, path in paths.items():
+        supervisor.start(job(name, OBEDIENT, str(path), tells=name == "fuser"))
+    for path in paths.values():
+        ready(path)
+    assert supervisor.stop() == []
+    ended_ns = {name: int(path.read_text()) for name, path in paths.items()}
+    assert sorted(ended_ns, key=ended_ns.__getitem__) == ["fuser", "sensor", "router"]

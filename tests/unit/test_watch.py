@@ -10,9 +10,9 @@ import pytest
 from rich.console import Console
 
 from examples import EXAMPLES, head
-from milepost.cli.arrivals import Arrivals
+from milepost.cli.showing.arrivals import Arrivals
+from milepost.cli.showing.watch import Screen
 from milepost.cli.status import _line
-from milepost.cli.watch import Screen
 from milepost.runtime import instances
 from milepost.runtime.instances import Token
 from milepost_schemas import FusedState, Health, Message
@@ -67,13 +67,24 @@ def test_a_second_instance_stays_on_the_table_until_it_is_gone(monkeypatch: pyte
 
 def test_while_there_is_no_state_it_names_whom_it_waits_for() -> None:
     screen = Screen()
-    screen.arrivals = Arrivals(["router", "fuser", "world"], screen.say, lambda: 1.0)
+    screen.arrivals = Arrivals(["router", "fuser", "world"], ["maglev-1"], screen.say, lambda: 1.0)
     screen.arrivals.came("fuser")
     assert "waiting for router, world" in picture(screen)
     assert "fuser is there (1 of 3)" in picture(screen)
     screen.arrivals.came("router")
     screen.arrivals.came("world")
     assert "waiting for a state" in picture(screen)
+
+
+def test_several_trains_are_rows_of_one_table_in_the_order_of_their_names() -> None:
+    screen, state = Screen(), EXAMPLES["state"][0]
+    event = EXAMPLES["event"][0]
+    late = state.model_copy(update={"train": "a-late-one", "position_m": 12.5})
+    lines = shown(screen, state, late, event).splitlines()
+    rows = [line.split()[0] for line in lines if line.split() and line.split()[0] in ("maglev-1", "a-late-one")]
+    assert rows == ["a-late-one", "maglev-1"]
+    assert f"{event.train} {event.unit}: {event.text}"[:60] in "\n".join(lines)
+    assert [line.split()[0] for line in screen.lines()] == ["a-late-one", "maglev-1"]
 
 
 def test_units_that_contradict_each_other_are_shown_as_doubted() -> None:

@@ -31,12 +31,16 @@ def title_of(pid: int) -> str:
 
 
 class RunningTrain:
-    """A train that `milepost up` runs; `errors` are the lines that it and its processes wrote."""
+    """A train that `milepost up` runs; `errors` are the lines that it and its processes wrote.
+
+    Without a name of its own, `options` say which trains: `--fleet`.
+    """
 
     def __init__(self, train: str, *options: str) -> None:
         self.endpoint = f"tcp/127.0.0.1:{free_port()}"
         self.endpoints = [self.endpoint, *(each for each in options if each.startswith("tcp/"))]
-        command = [sys.executable, "-m", "milepost", "up", "--headless", "--train", train, "--listen", self.endpoint, *options]
+        command = [sys.executable, "-m", "milepost", "up", "--headless", *(["--train", train] if train else [])]
+        command += ["--listen", self.endpoint, *options]
         self.process = subprocess.Popen(command, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True)
         self.errors: list[str] = []
         threading.Thread(target=self._read, daemon=True).start()

@@ -17,7 +17,7 @@ import psutil
 
 from milepost.config.shipped_files import find_file
 from milepost.config.train import load_train
-from milepost.runtime.chaos import send_command
+from milepost.runtime.injecting.commands import send_command
 from milepost.runtime.launch import spawned
 from milepost.runtime.process import ProcessOptions
 from milepost.runtime.train_jobs import router_jobs, train_jobs

@@ -33,24 +33,28 @@ class Seen(NamedTuple):
     last_balise: BalisePassed | None
 
 
-def run_observe(connect: Connection, train: str, report: Path, stalls: Path) -> None:
-    """Listen until stopped, then write the report."""
-    states: list[tuple[Seen, int]] = []
-    truths: dict[int, Truth] = {}
+def run_observe(connect: Connection, trains: Sequence[str], report: Path, stalls: Path) -> None:
+    """Listen until stopped, then write the report: of one train its figures, of several those of each by its name."""
+    states: dict[str, list[tuple[Seen, int]]] = {train: [] for train in trains}
+    truths: dict[str, dict[int, Truth]] = {train: {} for train in trains}
 
     def receive(_: str, message: Message, now_ns: int) -> None:
+        if message.train not in states:
+            return
         if isinstance(message, FusedState):
-            states.append((Seen(*(getattr(message, name) for name in Seen._fields)), now_ns))
+            states[message.train].append((Seen(*(getattr(message, name) for name in Seen._fields)), now_ns))
         elif isinstance(message, Truth):
-            truths[message.measured_at_ns] = message
+            truths[message.train][message.measured_at_ns] = message
 
     done = threading.Event()
     # it is started together with the router, and waits for it
-    with listening(connect, ["state", "truth"], train, receive, config=client):
+    with listening(connect, ["state", "truth"], trains[0] if len(trains) == 1 else "*", receive, config=client):
         for number in (signal.SIGTERM, signal.SIGINT):
             signal.signal(number, lambda *_: done.set())
         done.wait()
-    found = summarise(states, truths, _read_stalls(stalls))
+    stalled = _read_stalls(stalls)
+    figures = {train: summarise(states[train], truths[train], stalled) for train in trains}
+    found = figures[trains[0]] if len(trains) == 1 else {"trains": figures}
     report.write_text(json.dumps(found, indent=2) + "\n", encoding="utf-8")
 
 

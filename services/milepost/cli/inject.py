@@ -11,16 +11,17 @@ from typing import Any, get_args
 from pydantic.fields import FieldInfo
 
 from milepost.config.errors import ConfigError
-from milepost.config.mistakes import must_be_one_of, one_of
+from milepost.config.mistakes import one_of
+from milepost.config.ranges import limits_of, range_of
 from milepost.nodes.voting.memory_fault import FUSER_FAULTS, options_from
 from milepost.recordings.options import nearest
 from milepost.runtime.bus import NoRouterError
-from milepost.runtime.chaos import NoAnswerError, send_command
+from milepost.runtime.injecting.commands import NoAnswerError, send_command
 from milepost.runtime.zenoh_config import Connection
 from milepost.simulation.faults import FAULTS, FaultEntry, FaultKind, reason_of
 
 KINDS = {**FAULTS, **FUSER_FAULTS}
-FLAGS = {"true": True, "yes": True, "false": False, "no": False}
+NO = "no_"
 
 
 @dataclass(frozen=True)
@@ -37,7 +38,7 @@ class Wanted:
 
 def run_inject(wanted: Wanted, connect: Connection, as_json: bool) -> int:
     """Send the command and show the sensor's answer. 0: done; 1: nobody there; 2: refused. Raises ConfigError."""
-    fields = _fields(wanted)
+    fields = fields_of(wanted)
     try:
         answer = send_command(connect, wanted.train, wanted.unit, fields)
     except (NoRouterError, NoAnswerError) as error:
@@ -52,8 +53,8 @@ def run_inject(wanted: Wanted, connect: Connection, as_json: bool) -> int:
     return 2 if refused else 0
 
 
-def _fields(wanted: Wanted) -> dict[str, Any]:
-    """The fields of the command. Raises ConfigError."""
+def fields_of(wanted: Wanted) -> dict[str, Any]:
+    """The fields of the command that is sent. Raises ConfigError."""
     if not wanted.unit or wanted.unit.startswith("-"):
         raise ConfigError("inject", "UNIT", "required; a fault's options come after UNIT and FAULT")
     if wanted.clear:
@@ -82,13 +83,20 @@ def _fields(wanted: Wanted) -> dict[str, Any]:
 
 
 def _options(row: FaultKind, typed: Sequence[str]) -> dict[str, Any]:
-    """The options of a fault from `--name value` and `--name=value`. Raises ConfigError."""
+    """The options of a fault from `--name value`, `--name=value` and, of flags, `--name` or `--no-name`. Raises ConfigError."""
     known, out, left = row.options.model_fields, {}, list(typed)
     while left:
         word, given, value = left.pop(0).partition("=")
         name = word.removeprefix("--").replace("-", "_")
-        if not word.startswith("--") or name not in known:
+        on = not (name.startswith(NO) and name not in known)
+        name = name if on else name.removeprefix(NO)
+        if not word.startswith("--") or name not in known or not (on or _is_flag(known[name])):
             raise ConfigError("inject", "", _not_an_option(row.name, word, known))
+        if _is_flag(known[name]):
+            if given:
+                raise ConfigError("inject", word, f"takes no value; {_typed(NO + name)} is its opposite")
+            out[name] = on
+            continue
         if not given:
             if not left:
                 raise ConfigError("inject", word, "needs a value")
@@ -106,12 +114,16 @@ def _typed(name: str) -> str:
     return f"--{name.replace('_', '-')}"
 
 
+def _kinds(field: FieldInfo) -> set[Any]:
+    return {field.annotation, *get_args(field.annotation)}
+
+
+def _is_flag(field: FieldInfo) -> bool:
+    return bool in _kinds(field)
+
+
 def _value(option: str, field: FieldInfo, text: str) -> Any:
-    kinds = {field.annotation, *get_args(field.annotation)}
-    if bool in kinds:
-        if text not in FLAGS:
-            raise ConfigError("inject", option, must_be_one_of(FLAGS, text))
-        return FLAGS[text]
+    kinds = _kinds(field)
     if float not in kinds and int not in kinds:
         return text
     try:
@@ -132,16 +144,31 @@ def run_list(wanted: Wanted, as_json: bool) -> int:
     for row in KINDS.values():
         fits = ", ".join(row.sensors or row.streams) + (", simulated" if row.needs_motion else "")
         print(f"{row.name:<14} {row.purpose} [{fits}]")
+        schemas = row.options.model_json_schema()["properties"] if row.options.model_fields else {}
         for name, field in row.options.model_fields.items():
-            default = "required" if field.is_required() else "" if field.default is None else f"default {field.default}"
-            print(f"    {_typed(name):<14} {field.description}" + (f" ({default})" if default else ""))
+            print(f"    {_shown(name, field):<18} {field.description}{_allowed(field, range_of(schemas[name]))}")
     return 0
 
 
+def _shown(name: str, field: FieldInfo) -> str:
+    return f"{_typed(name)}/{_typed(NO + name)}" if _is_flag(field) else _typed(name)
+
+
+def _allowed(field: FieldInfo, limits: str) -> str:
+    """` (> 0, required)`, ` (default 2.0)`; empty where there is nothing to say."""
+    default = "required" if field.is_required() else "" if field.default is None else f"default {field.default}"
+    if _is_flag(field):
+        default = "default on" if field.default else "default off"
+    words = [each for each in (limits, default) if each]
+    return f" ({', '.join(words)})" if words else ""
+
+
 def _row(row: FaultKind) -> dict[str, Any]:
+    schemas = row.options.model_json_schema()["properties"] if row.options.model_fields else {}
     options = {
         name: {"about": field.description, "required": field.is_required()}
         | ({} if field.is_required() else {"default": field.default})
+        | limits_of(schemas[name])
         for name, field in row.options.model_fields.items()
     }
     return {"fault": row.name, "about": row.purpose, "streams": row.streams, "sensors": row.sensors, "options": options}

@@ -15,7 +15,7 @@ from milepost.runtime.zenoh_config import DEFAULT_ENDPOINT
 
 from .campaign_command import campaign
 from .chaos_command import chaos
-from .helper_commands import display, observe, sentinel
+from .helper_commands import display, observe, sentinel, vacant
 from .inject_command import FREE_OPTIONS, inject
 from .machines.etcs_command import etcs
 from .machines.feed_command import feed
@@ -57,13 +57,14 @@ app.command()(etcs)
 
 @app.command()
 def watch(
+    train: Annotated[str, typer.Option("--train", help="Show the train of this name alone, with its sensors.")] = "",
     connect: ConnectOption = [DEFAULT_ENDPOINT],  # noqa: B006
     zenoh_config: ZenohConfigOption = None,
 ) -> None:
-    """Show a live table of the trains on a router; for simulated trains with the true error."""
-    from .watch import run_watch
+    """Show a live table of the trains on a router: of one with its sensors; for simulated trains with the true error."""
+    from .showing.watch import run_watch
 
-    raise typer.Exit(run_watch(zenoh_config or connect))
+    raise typer.Exit(run_watch(zenoh_config or connect, train or "*"))
 
 
 @app.command()
@@ -147,16 +148,16 @@ def events(
 
 @app.command()
 def schema(
-    out: Annotated[Path, typer.Option("--out", help="Folder to write to.")] = Path("schemas/json"),
+    out: Annotated[Path, typer.Option("--out", help="Folder to write to: that of the repository.")] = Path(),
     check: Annotated[bool, typer.Option("--check", help="Write nothing; exit code 1 if a file differs.")] = False,
 ) -> None:
-    """Export the JSON Schemas of all messages."""
+    """Write what is made from tables: JSON Schemas of messages and configuration files, AsyncAPI, the reference of all keys."""
     from .schema import run_schema
 
     raise typer.Exit(run_schema(out, check))
 
 
-for helper in (display, observe, sentinel):
+for helper in (display, observe, sentinel, vacant):
     app.command(hidden=True)(helper)
 
 

@@ -38,6 +38,11 @@ def complete_scenario(incomplete: str) -> list[str]:
     return _complete("scenarios", incomplete)
 
 
+def complete_fleet(incomplete: str) -> list[str]:
+    """The names of fleets that begin so."""
+    return _complete("fleets", incomplete)
+
+
 def complete_campaign(incomplete: str) -> list[str]:
     """The names of campaigns that begin so."""
     return _complete("campaigns", incomplete)
@@ -69,7 +74,9 @@ JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 StateDirOption = Annotated[
     Path | None,
     typer.Option(
-        "--state-dir", envvar="MILEPOST_STATE_DIR", help="Folder in which filters keep their calibration between runs."
+        "--state-dir",
+        envvar="MILEPOST_STATE_DIR",
+        help="Folder for what outlives a run: calibrations of filters and, in pki/TRAIN, certificates.",
     ),
 ]
 RecordOption = Annotated[

@@ -12,18 +12,12 @@ import typer
 from milepost.config.errors import ConfigError
 from milepost.config.shipped_files import find_file
 
-from .options import DEFAULT_TRAIN, StateDirOption, complete_train
+from .options import DEFAULT_TRAIN, StateDirOption, TrainOption
 
 # as in milepost.security.authority; the library behind it is not imported before it is needed
 DEFAULT_DAYS = 7.0
 
 pki = typer.Typer(no_args_is_help=True, help="Certificates for the processes of a train, from an authority of its own.")
-TrainArgument = Annotated[
-    Path,
-    typer.Argument(
-        metavar="[TRAIN]", autocompletion=complete_train, help="Train file, or the name of a train as for `up --train`."
-    ),
-]
 DirOption = Annotated[
     Path | None,
     typer.Option("--dir", help="Folder of the certificates. Default: pki/TRAIN in the state folder (~/.local/state/milepost)."),
@@ -48,7 +42,7 @@ def _bundle(train: Path, folder: Path | None, state_dir: Path | None):  # type: 
 
 @pki.command()
 def init(
-    train: TrainArgument = DEFAULT_TRAIN,
+    train: TrainOption = DEFAULT_TRAIN,
     folder: DirOption = None,
     days: DaysOption = DEFAULT_DAYS,
     host: HostOption = [],  # noqa: B006
@@ -80,7 +74,7 @@ def init(
 @pki.command()
 def issue(
     name: Annotated[list[str], typer.Argument(help="Names of processes, routers or tools, such as sensor-radar or dispatch.")],
-    train: Annotated[Path, typer.Option("--train", autocompletion=complete_train, help="As for `up`.")] = DEFAULT_TRAIN,
+    train: TrainOption = DEFAULT_TRAIN,
     folder: DirOption = None,
     days: DaysOption = DEFAULT_DAYS,
     host: HostOption = [],  # noqa: B006
@@ -94,7 +88,7 @@ def issue(
 
 @pki.command()
 def rotate(
-    train: TrainArgument = DEFAULT_TRAIN,
+    train: TrainOption = DEFAULT_TRAIN,
     folder: DirOption = None,
     days: DaysOption = DEFAULT_DAYS,
     state_dir: StateDirOption = None,
@@ -105,7 +99,7 @@ def rotate(
     _say(f"{bundle.folder}: certificates for {days:g} days")
 
 
-def acl(train: TrainArgument = DEFAULT_TRAIN) -> None:
+def acl(train: TrainOption = DEFAULT_TRAIN) -> None:
     """Print the access control of a train's routers, as Zenoh takes it: what each certificate may send and receive."""
     from milepost.config.train import load_train
     from milepost.security.rules import access_control

@@ -2,19 +2,28 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from milepost.config.errors import ConfigError
 from milepost.runtime.launch import end_with_parent
 from milepost.runtime.zenoh_config import Connection
+
+if TYPE_CHECKING:
+    from milepost.config.train import Train
 
 RECORDER = "recorder"
 
 
 @dataclass(frozen=True)
 class RunOptions:
-    """The command line of `milepost run`. `rotation`: size in MiB, time in minutes, and the least room on the disk in MiB."""
+    """The command line of `milepost run`.
+
+    `change`: of one of several trains, what is different from its file, as JSON. `rotation`: size in MiB, time in minutes, and
+    the least room on the disk in MiB.
+    """
 
     role: str
     unit: str
@@ -27,9 +36,16 @@ class RunOptions:
     duration: float | None
     parent: int | None
     state_dir: Path | None
+    change: str | None
     awaits: tuple[str, ...]
     record: Path | None
     rotation: tuple[float, float, float]
+
+    def train(self) -> Train:
+        """The train, with what is different from its file. Raises ConfigError."""
+        from milepost.config.train import load_train
+
+        return load_train(self.train_file, None if self.change is None else json.loads(self.change))
 
 
 def run_role(options: RunOptions) -> None:
@@ -58,30 +74,35 @@ def _run_recorder(options: RunOptions) -> None:
     if options.record is None:
         raise ConfigError("run recorder", "--record", "required: the folder for the recording")
     need_mcap("run recorder")
-    from milepost.config.train import load_train
     from milepost.recorder.limits import Limits
     from milepost.runtime.recording.process import RecorderOptions, run_recorder
 
     limits = Limits.of(*options.rotation)
-    run_recorder(load_train(options.train_file), RecorderOptions(options.record, options.connection, limits, options.parent))
+    recorder = RecorderOptions(options.record, options.connection, limits, options.parent, options.change is not None)
+    run_recorder(options.train(), recorder)
 
 
 def _run_process(options: RunOptions) -> None:
     from milepost.config.mistakes import one_of
     from milepost.config.roles import ROLES
-    from milepost.config.train import load_train
     from milepost.runtime.process import ProcessOptions, run_process
 
     role, unit = options.role, options.unit
     if role not in ROLES:
         raise ConfigError("run", "ROLE", one_of(["router", RECORDER, *ROLES], role))
-    train = load_train(options.train_file)
+    train = options.train()
     units = ROLES[role].instances(train)
     if not ROLES[role].per_unit:
         unit = unit or role
     if unit not in units:
         raise ConfigError("run", "UNIT", one_of(units, unit) if units else f"{options.train_file} has none with a {role}")
     process = ProcessOptions(
-        options.connection, options.speed, options.duration, options.parent, options.state_dir, options.awaits
+        connection=options.connection,
+        speed=options.speed,
+        duration_s=options.duration,
+        parent=options.parent,
+        state_dir=options.state_dir,
+        awaits=options.awaits,
+        change=options.change,
     )
     run_process(train, role, unit, process)

@@ -30,6 +30,7 @@ def run(
     ] = None,
     parent: Annotated[int | None, typer.Option("--parent", hidden=True)] = None,
     state_dir: StateDirOption = None,
+    change: Annotated[str | None, typer.Option("--change", hidden=True)] = None,
     awaits: Annotated[list[str], typer.Option("--await", hidden=True)] = [],  # noqa: B006
     record: RecordOption = None,
     rotate_mib: Annotated[
@@ -61,6 +62,7 @@ def run(
         duration,
         parent,
         state_dir,
+        change,
         tuple(awaits),
         record,
         rotation,

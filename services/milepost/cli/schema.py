@@ -1,32 +1,42 @@
-"""`milepost schema`: the messages' JSON Schemas."""
+"""`milepost schema`: all documents that are made from tables and models."""
 
 from __future__ import annotations
 
 import sys
 from pathlib import Path
 
-from milepost.recorder.rows import json_schema
-from milepost_schemas import STREAMS
+from milepost_schemas.asyncapi import asyncapi
+from milepost_schemas.documents import json_schema_text, json_text, schema_names
+
+from .documents.config_models import FILES
+from .documents.config_reference import config_reference
+from .documents.config_schemas import config_schema
+
+MESSAGES, CONFIG, TABLES = "schemas/json", "schemas/config", ("schemas/asyncapi.json", "docs/reference-configuration.md")
 
 
 def schema_files() -> dict[str, str]:
-    """File name and content of every message's JSON Schema."""
-    files = {}
-    for stream in STREAMS:
-        files[f"{stream.message.SCHEMA}-{stream.message.VERSION}.schema.json"] = json_schema(stream.message)
-    return files
+    """File name and content of the JSON Schema of every message."""
+    return {f"{name}.schema.json": json_schema_text(name) for name in schema_names()}
+
+
+def document_files() -> dict[str, str]:
+    """Path and content of every document."""
+    files = {f"{MESSAGES}/{name}": content for name, content in schema_files().items()}
+    files |= {f"{CONFIG}/{kind}.schema.json": json_text(config_schema(kind)) for kind in FILES}
+    return {**files, TABLES[0]: json_text(asyncapi()), TABLES[1]: config_reference()}
 
 
 def run_schema(out: Path, check: bool) -> int:
     """Write the files, or compare them."""
     differing = []
-    for name, content in schema_files().items():
+    for name, content in document_files().items():
         path = out / name
         if path.is_file() and path.read_text(encoding="utf-8") == content:
             continue
         differing.append(name)
         if not check:
-            out.mkdir(parents=True, exist_ok=True)
+            path.parent.mkdir(parents=True, exist_ok=True)
             path.write_text(content, encoding="utf-8")
     for name in differing:
         print(f"{'differs' if check else 'written'}: {out / name}", file=sys.stderr)

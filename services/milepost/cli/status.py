@@ -42,9 +42,9 @@ def run_status(connect: Connection, as_json: bool, timeout_s: float) -> int:
         print(f"milepost: no state within {timeout_s:g} s", file=sys.stderr)
         return 1
     if as_json:
-        print(json.dumps([_fields(state, second) for state in states.values()]))
+        print(json.dumps([_fields(state, second) for _, state in sorted(states.items())]))
     else:
-        for state in states.values():
+        for _, state in sorted(states.items()):
             print(_line(state))
     return 0 if all(state.status == "normal" for state in states.values()) and not second else 1
 

@@ -7,14 +7,31 @@ from typing import Annotated
 
 import typer
 
+from milepost.config.errors import ConfigError
 from milepost.config.shipped_files import find_file
 from milepost.runtime.zenoh_config import DEFAULT_ENDPOINT
 
-from .options import DEFAULT_TRAIN, RecordOption, StateDirOption, TrainOption
+from .options import DEFAULT_TRAIN, RecordOption, StateDirOption, complete_fleet, complete_train
 
 
 def up(
-    train: TrainOption = DEFAULT_TRAIN,
+    train: Annotated[
+        list[Path],
+        typer.Option(
+            "--train",
+            autocompletion=complete_train,
+            help="Train file, or the name of one: looked up in ./deploy/trains, then among those shipped with Milepost. "
+            f"Repeat it for several trains on one router. Default: {DEFAULT_TRAIN}.",
+        ),
+    ] = [],  # noqa: B006
+    fleet: Annotated[
+        Path | None,
+        typer.Option(
+            "--fleet",
+            autocompletion=complete_fleet,
+            help="Fleet file instead of trains, or the name of one: looked up in ./deploy/fleets, then among the shipped ones.",
+        ),
+    ] = None,
     duration: Annotated[
         float | None, typer.Option("--duration", min=0.1, help="Stop after this many seconds of scenario time.")
     ] = None,
@@ -26,8 +43,22 @@ def up(
     ] = None,
     headless: Annotated[bool, typer.Option("--headless", help="Show no live table.")] = False,
     listen: Annotated[
-        list[str], typer.Option("--listen", help="Endpoint on which the router listens. Repeat it for a second router.")
-    ] = [DEFAULT_ENDPOINT],  # noqa: B006
+        list[str],
+        typer.Option(
+            "--listen",
+            help=f"Endpoint on which the router listens. Repeat it for a second router. Default: {DEFAULT_ENDPOINT}.",
+        ),
+    ] = [],  # noqa: B006
+    connect: Annotated[
+        list[str],
+        typer.Option(
+            "--connect", help="Start no router: join the one at this endpoint. Repeat the option to name others for failover."
+        ),
+    ] = [],  # noqa: B006
+    external: Annotated[
+        list[str],
+        typer.Option("--external", help="Unit whose sensor is a program of your own, which is not started here. Repeatable."),
+    ] = [],  # noqa: B006
     state_dir: StateDirOption = None,
     feed: Annotated[
         int | None,
@@ -44,9 +75,31 @@ def up(
     ] = False,
     record: RecordOption = None,
 ) -> None:
-    """Start a train and show it: a router, and one process for each sensor, each filter, the fuser and the balise service."""
+    """Start trains and show them: a router, and one process for each sensor, each filter, the fuser and the balise service."""
     from .up import UpOptions, run_up
 
-    found = find_file(train, "trains")
-    options = UpOptions(found, duration, speed, report, headless, listen, state_dir, secure, record, feed)
+    if fleet is not None and train:
+        raise ConfigError("up", "--fleet", "names its trains itself; leave out --train")
+    if external and (fleet is not None or len(train) > 1):
+        raise ConfigError("up", "--external", "is for one train; a fleet file has `external` for each")
+    if connect and listen:
+        raise ConfigError("up", "--connect", "joins a router that runs; leave out --listen")
+    if secure and (connect or fleet is not None or len(train) > 1):
+        raise ConfigError("up", "--secure", "is for one train with a router of its own: others would need its authority")
+    trains = [find_file(each, "trains") for each in train or ([] if fleet is not None else [DEFAULT_TRAIN])]
+    options = UpOptions(
+        train_files=trains,
+        fleet_file=None if fleet is None else find_file(fleet, "fleets"),
+        duration_s=duration,
+        speed=speed,
+        report=report,
+        headless=headless,
+        listen=listen or ([] if connect else [DEFAULT_ENDPOINT]),
+        connect=connect,
+        state_dir=state_dir,
+        secure=secure,
+        external=external,
+        record=record,
+        feed_port=feed,
+    )
     raise typer.Exit(run_up(options))

@@ -10,7 +10,7 @@ from milepost.runtime import train_jobs
 from milepost.runtime.launch import Job
 from milepost.runtime.zenoh_config import Connection, as_options
 
-from .display import Mode, run_display
+from .showing.display import Mode, run_display
 
 
 def router_jobs(endpoints: Sequence[str], files: Callable[[str], Path] | None) -> Iterator[Job]:
@@ -24,18 +24,21 @@ def router_jobs(endpoints: Sequence[str], files: Callable[[str], Path] | None) -
 
 
 def display_job(
-    mode: Mode, connection: Connection, train: str, expected: Sequence[str], began_ns: int, heard: int | None
+    mode: Mode, connection: Connection, trains: Sequence[str], expected: Sequence[str], began_ns: int, heard: int | None
 ) -> Job:
-    """What shows the train; `heard`: where it hears sentences to be shown."""
-    options = ["--name", train, "--mode", mode, "--began-ns", str(began_ns), *as_options(connection)]
-    for name in expected:
-        options += ["--expect", name]
-    body = partial(run_display, connection, train, expected, mode, began_ns)
-    return Job("display", ("display",), tuple(options), body, stdin=heard)
+    """What shows the trains; `heard`: where it hears sentences to be shown."""
+    options = ["--mode", mode, "--began-ns", str(began_ns), *as_options(connection), *_each("--name", trains)]
+    options += _each("--expect", expected)
+    body = partial(run_display, connection, trains, expected, mode, began_ns)
+    return Job("display", ("display",), tuple(options), body, stdin=heard, tells=True)
 
 
-def measuring_jobs(connection: Connection, report: Path | None, stalls: Path) -> Iterator[Job]:
-    """The outside observer, and the sentinel that notes when the machine stalls."""
+def _each(option: str, values: Sequence[str]) -> list[str]:
+    return [word for value in values for word in (option, value)]
+
+
+def measuring_jobs(connection: Connection, trains: Sequence[str], report: Path | None, stalls: Path) -> Iterator[Job]:
+    """The outside observer of the trains, and the sentinel that notes when the machine stalls."""
     if report is None:
         return
     from milepost.checks.observer import run_observe
@@ -44,15 +47,16 @@ def measuring_jobs(connection: Connection, report: Path | None, stalls: Path) ->
 
     place = ("--stalls", str(stalls))
     yield Job("sentinel", ("sentinel",), place, partial(run_sentinel, stalls), restart=False)
-    options = (*place, "--report", str(report), *as_options(connection))
-    yield Job("observer", ("observe",), options, partial(run_observe, connection, "*", report, stalls), restart=False)
+    options = (*place, "--report", str(report), *as_options(connection), *_each("--name", trains))
+    yield Job("observer", ("observe",), options, partial(run_observe, connection, trains, report, stalls), restart=False)
 
 
-def feed_jobs(connection: Connection, port: int | None, line: Path) -> Iterator[Job]:
-    """The web server for machines, if there is to be one; `line` is the file of the train's line."""
+def feed_jobs(connection: Connection, port: int | None, lines: Sequence[Path]) -> Iterator[Job]:
+    """The web server for machines, if there is to be one; `lines` are the files of the trains' lines."""
     if port is None:
         return
     from .machines.feed import HERE, feed_body
 
-    options = ("--port", str(port), "--line", str(line), *as_options(connection))
-    yield Job("feed", ("feed",), options, partial(feed_body, connection, HERE, port, [line]))
+    lines = list(dict.fromkeys(lines))
+    options = ("--port", str(port), *_each("--line", [str(line) for line in lines]), *as_options(connection))
+    yield Job("feed", ("feed",), options, partial(feed_body, connection, HERE, port, lines))

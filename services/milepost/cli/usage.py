@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import typer
@@ -18,6 +19,7 @@ def usage_line(error: Any) -> str:
         text = f"{_name(parameter)}: required{_purpose(parameter)}"
     else:
         text = " ".join(error.format_message().split()).rstrip(".")
+        text += _meant_train(context, text)
     return f"{': '.join([*words, text])}; see `{' '.join(['milepost', *words])} --help`"
 
 
@@ -29,3 +31,10 @@ def _name(parameter: Any) -> str:
 def _purpose(parameter: Any) -> str:
     help_text = str(getattr(parameter, "help", None) or "").rstrip(".")
     return f": {help_text[0].lower()}{help_text[1:]}" if help_text else ""
+
+
+def _meant_train(context: Any, text: str) -> str:
+    """Every command takes its train by `--train`: a word too many may have been one."""
+    extra = re.fullmatch(r"Got unexpected extra argument(?:\(s\))? \((\S+)\)", text)
+    takes_train = context is not None and any("--train" in each.opts for each in context.command.params)
+    return f"; did you mean `--train {extra[1]}`?" if extra and takes_train else ""

@@ -53,6 +53,8 @@ def text_of(mistake: ErrorDetails, model: type) -> str:
     # for a whole mapping or list the text names the wrong field already
     if kind == "missing" or (kind == "value_error" and isinstance(value, Mapping | list)) or _abbreviated(value) in text:
         return text
+    if isinstance(value, str) and text.startswith(f"{value}: "):
+        return text
     return f"{text}, not {_abbreviated(value)}"
 
 

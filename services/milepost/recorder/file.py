@@ -18,9 +18,10 @@ from mcap.well_known import MessageEncoding, SchemaEncoding
 from mcap.writer import CompressionType, Writer
 
 from milepost_schemas import Stream
+from milepost_schemas.documents import json_schema_text, schema_name
 
 from .incoming import Head, Incoming
-from .rows import MSGPACK, json_schema, row_of
+from .rows import MSGPACK, row_of
 
 PROFILE = "milepost"
 CHUNK_BYTES = 1 << 20
@@ -101,6 +102,6 @@ class RecordingFile:
     def _schema(self, row: Stream) -> int:
         name = f"{row.message.SCHEMA}/{row.message.VERSION}"
         if name not in self._schemas:
-            data = json_schema(row.message).encode()
+            data = json_schema_text(schema_name(row.message)).encode()
             self._schemas[name] = self._writer.register_schema(name, SchemaEncoding.JSONSchema, data)
         return self._schemas[name]

@@ -14,8 +14,7 @@ from mcap.well_known import MessageEncoding, SchemaEncoding
 from mcap.writer import CompressionType, Writer
 
 from milepost_schemas import FusedState, Message, Stream
-
-from .rows import json_schema
+from milepost_schemas.documents import json_schema_text, schema_name
 
 LOCATION = "foxglove.LocationFix"
 # COVARIANCE_TYPE_APPROXIMATED
@@ -55,7 +54,8 @@ class FoxgloveFile:
         del fields
         topic = "/" + row.key_for(message.train, message.unit)
         name = f"milepost.{row.message.SCHEMA}"
-        self._write(topic, name, json_schema(row.message), message.model_dump_json(), message, at_ns)
+        schema = json_schema_text(schema_name(row.message))
+        self._write(topic, name, schema, message.model_dump_json(), message, at_ns)
         if isinstance(message, FusedState) and message.latitude_deg is not None and message.longitude_deg is not None:
             fix = json.dumps(location(message))
             self._write(f"/{row.key_for(message.train)}/location", LOCATION, json.dumps(LOCATION_SCHEMA), fix, message, at_ns)

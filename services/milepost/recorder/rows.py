@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import json
 from typing import NamedTuple
 
-from milepost_schemas import ROOT, STREAMS, Message, Stream
+from milepost_schemas import ROOT, STREAMS, Stream
 
 MSGPACK = "application/msgpack"
 
@@ -45,9 +44,3 @@ def row_of(key: str, encoding: str) -> Stream | None:
 def recorded_keys(train: str) -> list[str]:
     """The key expressions of all recorded streams, each once."""
     return list(dict.fromkeys(row.key_for(train) for row in STREAMS if row.recorded))
-
-
-def json_schema(message: type[Message]) -> str:
-    """The JSON Schema of a message, as in `schemas/json`."""
-    body = {"$schema": "https://json-schema.org/draft/2020-12/schema", **message.model_json_schema()}
-    return json.dumps(body, indent=2, sort_keys=True) + "\n"

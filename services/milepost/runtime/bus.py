@@ -20,6 +20,7 @@ from milepost_schemas import BY_NAME, Message, Part, Refused, Stream, alive_key,
 
 from .flood import Gate, Waiting
 from .instances import Token, token_of
+from .reach import HOW_TO_START, advice
 from .subscribing import subscriber
 
 PRIORITIES = {
@@ -34,7 +35,6 @@ P = TypeVar("P", bound=Part)
 HEARTBEAT_S = 0.5
 # a process that waits for a router says so after this time
 SAY_WAITING_AFTER_S = 3.0
-HOW_TO_START = "start one with `milepost up` or `milepost run router`, at another endpoint with `--listen`"
 # Rejected: one thread for all of Zenoh's work (ZENOH_RUNTIME with `handover`). It saves a fifth of the processor and lost
 # a hundred states in two seconds, twice in four runs.
 # the binding's stubs ask for both of two options that exclude each other
@@ -94,7 +94,8 @@ def _open(config: dict[str, Any]) -> Any:
     """Open a session; a client without a time limit says that it waits. Raises NoRouterError."""
     # a router's file, once read, has every option of Zenoh's, those of clients too
     client = config.get("mode") == "client"
-    endpoints = ", ".join(config.get("connect" if client else "listen", {}).get("endpoints", []))
+    named = config.get("connect" if client else "listen", {}).get("endpoints", [])
+    endpoints = ", ".join(named)
     waiting = threading.Timer(SAY_WAITING_AFTER_S, log.warning, (f"no router at {endpoints} yet: {HOW_TO_START}",))
     waiting.daemon = True
     if client and config["connect"]["timeout_ms"] == -1:
@@ -102,7 +103,7 @@ def _open(config: dict[str, Any]) -> Any:
     try:
         return zenoh.open(zenoh.Config.from_json5(json.dumps(config)))
     except zenoh.ZError as error:
-        what = f"no router at {endpoints}: {HOW_TO_START}" if client else f"cannot listen on {endpoints}"
+        what = f"no router at {endpoints}: {advice(named)}" if client else f"cannot listen on {endpoints}"
         raise NoRouterError(f"{what} ({_first_line(error)})") from error
     finally:
         waiting.cancel()

@@ -35,7 +35,8 @@ class Job:
     """What a child process does: `run` in a fork, which may return an exit code, or `milepost WORDS OPTIONS` as a command.
 
     `words` are also its title in process lists. `restart`: whether it is started again when it fails. `stdin` is a file
-    descriptor or None for nothing to read.
+    descriptor or None for nothing to read. `tells`: it tells of the others, and ends before they do. `train`: of several, whose
+    it is.
     """
 
     name: str
@@ -44,11 +45,18 @@ class Job:
     run: Callable[[], int | None]
     restart: bool = True
     stdin: int | None = None
+    tells: bool = False
+    train: str = ""
 
     @property
     def title(self) -> str:
-        """`milepost run fuser`."""
-        return " ".join(("milepost", *self.words))
+        """`milepost run fuser`, of several trains `milepost run fuser (metro-1)`."""
+        return " ".join(("milepost", *self.words, *((f"({self.train})",) if self.train else ())))
+
+    @property
+    def label(self) -> str:
+        """The name for people: `fuser`, of several trains `metro-1 fuser`."""
+        return f"{self.train} {self.name}" if self.train else self.name
 
 
 Launch = Callable[[Job, int | None], int]

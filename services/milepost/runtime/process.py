@@ -39,6 +39,8 @@ log = logging.getLogger("milepost")
 LATE_S = 3.0
 # listeners outlive the end of a simulation by this, to hear its last messages
 GRACE_NS = NS_PER_S // 5
+# who has nothing more to say so shortly before the end stays until the listeners are gone: they would tell that it is absent
+LAST_NS = 2 * NS_PER_S
 
 
 @dataclass(frozen=True)
@@ -46,6 +48,7 @@ class ProcessOptions:
     """What the command line says of a process.
 
     `state_dir`: where a filter keeps what it learned. `awaits`: processes besides the train's own that `world` waits for.
+    `change`: of one of several trains, what is different from its file, as JSON.
     """
 
     connection: Connection
@@ -54,6 +57,7 @@ class ProcessOptions:
     parent: int | None = None
     state_dir: Path | None = None
     awaits: tuple[str, ...] = ()
+    change: str | None = None
 
 
 def set_up_log(name: str) -> None:
@@ -76,7 +80,7 @@ def run_process(train: Train, role_name: str, unit: str, options: ProcessOptions
     """
     role = ROLES[role_name]
     name, instance = process_name(role_name, unit), uuid.uuid4().hex[:8]
-    set_up_log(name)
+    set_up_log(name if options.change is None else f"{train.name} {name}")
     if world is None and role.uses_world and train.file.world is not None:
         world = train.world(options.duration_s)
     # built once before anything is declared, so that a mistake in the configuration shows before anything starts
@@ -108,9 +112,12 @@ def run_process(train: Train, role_name: str, unit: str, options: ProcessOptions
                 node.continue_numbering(first)
             end_ns = start.end_ns + GRACE_NS if start is not None else None
             rates = expected_hz(train, role, unit, node)
-            return _run(
+            stopped = _run(
                 Runner(name, node, bus, clock, end_ns, options.parent, rates), bus, node, clock, train, options.state_dir
             )
+            if not stopped and node.finished and start is not None and clock.now_ns() >= start.end_ns - LAST_NS:
+                _stay(bus.inbox, clock, start.end_ns + 2 * GRACE_NS)
+            return stopped
 
 
 def _run(runner: Runner, bus: ZenohBus, node: Node, clock: Clock, train: Train, state_dir: Path | None) -> bool:
@@ -125,6 +132,16 @@ def _run(runner: Runner, bus: ZenohBus, node: Node, clock: Clock, train: Train, 
     if store is not None:
         store.write()
     return stopped
+
+
+def _stay(inbox: Inbox, clock: Clock, until_ns: int) -> None:
+    """Keep the token until a time, or until stopped; what comes meanwhile is left unread."""
+    while (left_s := clock.wait_s(until_ns)) > 0.0:
+        try:
+            if isinstance(inbox.get(timeout=left_s), Stop):
+                return
+        except queue.Empty:
+            return
 
 
 def _scenario_start(

@@ -41,6 +41,11 @@ class Child:
         return self.job.name
 
     @property
+    def label(self) -> str:
+        """The job's name for people."""
+        return self.job.label
+
+    @property
     def running(self) -> bool:
         """Whether it has not ended; where it has, its exit code (or minus its signal) is noted."""
         if self.code is None:
@@ -91,10 +96,10 @@ class Supervisor:
 
     def watch(self) -> list[str]:
         """Restart what has failed, a moment after. Returns sentences about what happened."""
-        # after the scenario's end a restarted process would wait for ever; a world that was asked to end is replaced by hand
-        if any(child.name == "world" and not child.running and child.code == 0 for child in self.children):
-            return []
-        return [sentence for child in self.children if not child.running and child.restart for sentence in self._after(child)]
+        # after its scenario's end a train's restarted process would wait for ever; a world that was asked to end is replaced
+        over = {child.job.train for child in self.children if child.name == "world" and not child.running and child.code == 0}
+        left = (child for child in self.children if not child.running and child.restart and child.job.train not in over)
+        return [sentence for child in left for sentence in self._after(child)]
 
     def _after(self, child: Child) -> Sequence[str]:
         """What to do about a process that has ended."""
@@ -104,12 +109,12 @@ class Supervisor:
         child.failed = True
         if child.code == CONFIGURATION_ERROR:  # it would end the same way again
             child.restart = False
-            return (f"{child.name} cannot run{_last_words(child)}",)
+            return (f"{child.label} cannot run{_last_words(child)}",)
         if child.again_at is None:
             if now - child.started_s >= HEALTHY_S:
                 child.restarts = 0
             child.again_at = now + wait_before_restart_s(child.restarts)
-            return (f"{child.name} ended with {_why(child.code or 0)}{_last_words(child)}",)
+            return (f"{child.label} ended with {_why(child.code or 0)}{_last_words(child)}",)
         if now < child.again_at:
             return ()
         child.restarts += 1
@@ -117,18 +122,20 @@ class Supervisor:
             child.pid = self._launched(child.job, child.output)
         except OSError as error:  # no memory, too many processes: try again
             child.again_at = now + wait_before_restart_s(child.restarts)
-            return (f"{child.name} cannot be restarted: {error.strerror}",)
+            return (f"{child.label} cannot be restarted: {error.strerror}",)
         child.code, child.again_at, child.started_s = None, None, now
-        return (f"{child.name} restarted",)
+        return (f"{child.label} restarted",)
 
     def stop(self) -> list[str]:
-        """SIGTERM to all but the routers, which go last; SIGKILL to what is still there after three seconds.
+        """SIGTERM to those that would tell that others go, then to all but the routers, which go last.
 
-        Returns sentences about those that had to be killed.
+        SIGKILL to what is still there after three seconds. Returns sentences about those that had to be killed.
         """
         said = []
         routers = [child for child in self.children if is_router(child.name)]
-        for group in ([child for child in self.children if child not in routers], routers):
+        telling = [child for child in self.children if child.job.tells]
+        others = [child for child in self.children if child not in routers and child not in telling]
+        for group in (telling, others, routers):
             for child in group:
                 _send(child, signal.SIGTERM)
             deadline = time.monotonic() + KILL_AFTER_S
@@ -136,7 +143,7 @@ class Supervisor:
                 while child.running and time.monotonic() < deadline:
                     time.sleep(0.005)
                 if child.running:
-                    said.append(f"{child.name} did not end within {KILL_AFTER_S:g} s and was killed")
+                    said.append(f"{child.label} did not end within {KILL_AFTER_S:g} s and was killed")
                     _send(child, signal.SIGKILL)
                     while child.running:
                         time.sleep(0.005)
@@ -144,7 +151,7 @@ class Supervisor:
 
     def failures(self) -> dict[str, list[str]]:
         """The last lines of every process that has failed and whose output was kept."""
-        return {child.name: child.tail() for child in self.children if child.failed and child.output is not None}
+        return {child.label: child.tail() for child in self.children if child.failed and child.output is not None}
 
 
 def _send(child: Child, number: signal.Signals) -> None:

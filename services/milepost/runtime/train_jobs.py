@@ -17,6 +17,9 @@ from . import zenoh_config
 from .launch import ASKED_TO_END, Job
 from .process import ProcessOptions, run_process, run_router
 
+# who notices that others are gone
+TELLING = ("fuser", "voter")
+
 
 def router_jobs(
     endpoints: Sequence[str], files: Callable[[str], Path] | None = None, run: Callable[..., None] = run_router
@@ -35,22 +38,29 @@ def router_jobs(
         yield Job(name, ("run", "router", *second), tuple(options), partial(run, [endpoint], file, parent, link))
 
 
-def checked_world(train: Train, duration_s: float | None) -> World | None:
-    """The train's world, after every process has been built with it once. Raises ConfigError for what a recording spoils."""
+def checked_world(train: Train, duration_s: float | None, external: Sequence[str] = ()) -> World | None:
+    """The train's world, after every process has been built with it once. Raises ConfigError for what a recording spoils.
+
+    `external`: the units whose sensors are programs of somebody else's.
+    """
     setting = Setting.of(train, "check", duration_s)
-    for process in processes(train):
+    for process in _own(processes(train), external):
         ROLES[process.role].build(train, process.unit, setting)
     return setting.world
 
 
 def train_jobs(
-    train: Train, world: World | None, shared: ProcessOptions, files: Callable[[str], Path] | None = None
+    train: Train,
+    world: World | None,
+    shared: ProcessOptions,
+    files: Callable[[str], Path] | None = None,
+    external: Sequence[str] = (),
 ) -> Iterator[Job]:
     """All processes of a train besides the router, listeners before speakers. `world` is shared by the forks.
 
     `files`: the session configuration of each, where they do not all connect in the same way.
     """
-    for process in processes(train, live=True):
+    for process in _own(processes(train, live=True), external):
         role = ROLES[process.role]
         options = shared if files is None else replace(shared, connection=files(process.name))
         unit = () if process.unit == process.role else (process.unit,)
@@ -59,12 +69,18 @@ def train_jobs(
             ("run", process.role, *unit),
             _command_options(train, process, options),
             partial(_ended, train, process.role, process.unit, options, world if role.uses_world else None),
+            tells=process.role in TELLING,
+            train="" if shared.change is None else train.name,
         )
 
 
 def _ended(*process: Any) -> int:
     """Run a process; its exit code says whether it was asked to end or its work is done."""
     return ASKED_TO_END if run_process(*process) else 0
+
+
+def _own(processes: Sequence[Process], external: Sequence[str]) -> list[Process]:
+    return [process for process in processes if process.role != "sensor" or process.unit not in external]
 
 
 def _command_options(train: Train, process: Process, options: ProcessOptions) -> tuple[str, ...]:
@@ -77,4 +93,6 @@ def _command_options(train: Train, process: Process, options: ProcessOptions) ->
         out += ["--duration", str(options.duration_s)]
     if process.role == "filter" and options.state_dir is not None:
         out += ["--state-dir", str(options.state_dir)]
+    if options.change is not None:
+        out += ["--change", options.change]
     return tuple(out)

@@ -23,6 +23,7 @@ BACKDATED = datetime.timedelta(minutes=5)
 ROOT, ROOT_KEY = "ca.pem", "ca.key"
 # key and certificate of one process
 IDENTITY = "identity.pem"
+AUTHORITY_OF = "milepost authority of "
 
 
 def need_cryptography() -> None:
@@ -78,7 +79,7 @@ class Authority:
         if (folder / ROOT_KEY).exists() or (folder / ROOT).exists():
             raise ConfigError(folder / ROOT, "", "there is an authority already; `milepost pki issue` goes on with it")
         key = ec.generate_private_key(ec.SECP256R1())
-        certificate = _root(key, f"milepost authority of {train}", days)
+        certificate = _root(key, AUTHORITY_OF + train, days)
         folder.mkdir(parents=True, exist_ok=True, mode=0o700)
         write_private(folder / ROOT_KEY, _key_pem(key))
         write_public(folder / ROOT, _pem(certificate))
@@ -102,6 +103,11 @@ class Authority:
         if not isinstance(key, ec.EllipticCurvePrivateKey) or certificate.public_key() != key.public_key():
             raise ConfigError(folder / ROOT_KEY, "", f"is not the key of {ROOT}")
         return cls(certificate, key)
+
+    @property
+    def train(self) -> str:
+        """The name of the train whose authority it is."""
+        return self.certificate.subject.rfc4514_string().removeprefix(f"CN={AUTHORITY_OF}")
 
     @property
     def pem(self) -> bytes:

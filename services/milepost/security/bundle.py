@@ -65,11 +65,11 @@ class Bundle:
         for name in wanted:
             if name not in known:
                 raise ConfigError("pki issue", "NAME", must_be_one_of(known, name))
-        self._issue(Authority.load(self.folder), wanted, days, hosts)
+        self._issue(self._authority(), wanted, days, hosts)
 
     def rotate(self, days: float, tell: Callable[[str], None], wait_s: float = BETWEEN_ROUTERS_S) -> None:
         """New certificates for all: first for those that connect, then for one router after the other."""
-        authority = Authority.load(self.folder)
+        authority = self._authority()
         routers = [name for name in ROUTERS if (self.folder / name / IDENTITY).is_file()]
         self._issue(authority, [name for name in names(self.train) if name not in ROUTERS], days)
         for i, name in enumerate(routers):
@@ -78,6 +78,14 @@ class Bundle:
                 time.sleep(wait_s)
             self._issue(authority, [name], days)
             tell(f"{name} has a new certificate; its clients connect again with theirs")
+
+    def _authority(self) -> Authority:
+        """The folder's authority. Raises ConfigError where it is another train's: its processes have other names."""
+        authority = Authority.load(self.folder)
+        if authority.train != self.train.name:
+            text = f"is the authority of {authority.train}, not of {self.train.name}; name its train with `--train`"
+            raise ConfigError(self.folder / ROOT, "", text)
+        return authority
 
     def _issue(self, authority: Authority, wanted: Iterable[str], days: float, hosts: Sequence[str] = ()) -> None:
         for name in wanted:

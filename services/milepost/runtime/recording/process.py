@@ -42,17 +42,18 @@ LOST = "overflow"
 
 @dataclass(frozen=True)
 class RecorderOptions:
-    """What the command line says of a recorder."""
+    """What the command line says of a recorder; `several`: it is that of one of several trains, whose name its log says."""
 
     folder: Path
     connection: Connection
     limits: Limits = field(default_factory=Limits)
     parent: int | None = None
+    several: bool = False
 
 
 def run_recorder(train: Train, options: RecorderOptions) -> None:
     """Record a train until stopped. Raises ConfigError for a folder that cannot be written."""
-    set_up_log(NAME)
+    set_up_log(f"{train.name} {NAME}" if options.several else NAME)
     recorder = Recorder(options.folder, train.name, options.limits, time.time_ns())
     recorder.describe(MADE_OF, {"file": train.path.name, "fingerprint": fingerprint(train)}, time.time_ns())
     # opening waits for a router inside Zenoh, where Python cannot see a signal

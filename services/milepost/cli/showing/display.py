@@ -1,4 +1,4 @@
-"""The process that shows a train for `milepost up`: who has come, then the live table, or lines where there is no terminal."""
+"""The process that shows trains for `milepost up`: who has come, then the live table, or lines where there is no terminal."""
 
 from __future__ import annotations
 
@@ -16,40 +16,44 @@ from milepost_schemas import FusedState, Message
 
 from .arrivals import Arrivals
 
-# `start`: only who has come, until the first state; `lines`: a state a second as well; `table`: the live table
+# `start`: only who has come, until the first states; `lines`: a state a second as well; `table`: the live table
 Mode = Literal["start", "lines", "table"]
 READ_BYTES = 65536
 LOOK_EVERY_S = 0.2
 
 
-def run_display(connection: zenoh_config.Connection, train: str, expected: Sequence[str], mode: Mode, began_ns: int) -> None:
-    """Show a train until stopped. In a table, what comes on standard input is shown line by line."""
+def run_display(
+    connection: zenoh_config.Connection, trains: Sequence[str], expected: Sequence[str], mode: Mode, began_ns: int
+) -> None:
+    """Show trains until stopped. In a table, what comes on standard input is shown line by line."""
 
     def age_s() -> float:
         return (time.time_ns() - began_ns) * 1e-9
 
-    names = ["router", *expected]
     if mode == "start":
-        _show_start(connection, train, Arrivals(names, _say, age_s))
+        _show_start(connection, trains, Arrivals(expected, trains, _say, age_s))
         return
     # what draws a table takes a while to import
     from .watch import STREAMS, Screen, show
 
     screen = Screen()
-    arrivals = screen.arrivals = Arrivals(names, screen.say if mode == "table" else _say, age_s)
+    arrivals = screen.arrivals = Arrivals(expected, trains, screen.say if mode == "table" else _say, age_s)
 
     def receive(stream: str, message: Message, now_ns: int) -> None:
+        if message.train not in trains:  # others may run on the same router
+            return
         if isinstance(message, FusedState):
-            arrivals.state()
+            arrivals.state(message.train)
         screen.receive(stream, message, now_ns)
 
     def alive(token: Token, there: bool) -> None:
         if there:
-            arrivals.came(token.unit)
-        screen.alive(token, there)
+            arrivals.came(token.unit, token.train)
+        if token.train in trains:
+            screen.alive(token, there)
 
     # until the session is open, SIGTERM just ends this process
-    with listening(connection, STREAMS, train, receive, alive, zenoh_config.client), StopSignals() as stop:
+    with listening(connection, STREAMS, _any(trains), receive, alive, zenoh_config.client), StopSignals() as stop:
         arrivals.came("router")
 
         def going() -> bool:
@@ -61,15 +65,20 @@ def run_display(connection: zenoh_config.Connection, train: str, expected: Seque
         show(screen, going, stop.wait)
 
 
-def _show_start(connection: zenoh_config.Connection, train: str, arrivals: Arrivals) -> None:
+def _any(trains: Sequence[str]) -> str:
+    """The part of a key for one train, or for all where there are several."""
+    return trains[0] if len(trains) == 1 else "*"
+
+
+def _show_start(connection: zenoh_config.Connection, trains: Sequence[str], arrivals: Arrivals) -> None:
     def receive(stream: str, message: Message, now_ns: int) -> None:  # noqa: ARG001
-        arrivals.state()
+        arrivals.state(message.train)
 
     def alive(token: Token, there: bool) -> None:
         if there:
-            arrivals.came(token.unit)
+            arrivals.came(token.unit, token.train)
 
-    with listening(connection, ["state"], train, receive, alive, zenoh_config.client), StopSignals() as stop:
+    with listening(connection, ["state"], _any(trains), receive, alive, zenoh_config.client), StopSignals() as stop:
         arrivals.came("router")
         while not arrivals.done and not stop.wait(LOOK_EVERY_S):
             pass

@@ -5,7 +5,8 @@ from __future__ import annotations
 import sys
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 from rich.console import Console, Group
 from rich.live import Live
@@ -29,32 +30,50 @@ SLOW = 0.8
 KEPT_EVENTS = 4
 
 
+class Error(NamedTuple):
+    """The true error of a state, and whether its interval held the true position."""
+
+    position_m: float
+    speed_mps: float
+    inside: bool
+
+    def __str__(self) -> str:
+        """For the table of one train."""
+        where = "inside" if self.inside else "OUTSIDE"
+        return f"{self.position_m:+12.3f} m, {self.speed_mps:+.4f} m/s, {where} the interval"
+
+    def short(self) -> str:
+        """For a row among others."""
+        return f"{self.position_m:+.2f} m" + ("" if self.inside else " OUTSIDE")
+
+
 class Screen:
     """What was last heard, as a table."""
 
     def __init__(self) -> None:
         self.states: dict[str, tuple[FusedState, int]] = {}
-        self.errors: dict[str, str] = {}
+        self.errors: dict[str, Error] = {}
         self.healths: dict[tuple[str, str], Health] = {}
         self.events: list[str] = []
         self.arrivals: Arrivals | None = None
         self._instances = Instances()
-        self._recent: deque[FusedState] = deque(maxlen=64)
+        self._recent: dict[str, deque[FusedState]] = {}
 
     def receive(self, stream: str, message: Message, now_ns: int) -> None:  # noqa: ARG002
         """Take one message."""
         if isinstance(message, FusedState):
             self.states[message.train] = (message, now_ns)
-            self._recent.append(message)
+            self._recent.setdefault(message.train, deque(maxlen=64)).append(message)
         elif isinstance(message, Truth):
             # the truth of an epoch is told a little after its state
-            for state in self._recent:
-                if (state.train, state.measured_at_ns) == (message.train, message.measured_at_ns):
+            # states come in another thread meanwhile
+            for state in tuple(self._recent.get(message.train, ())):
+                if state.measured_at_ns == message.measured_at_ns:
                     self.errors[state.train] = _error(state, message)
         elif isinstance(message, Health):
             self.healths[(message.train, message.unit)] = message
         elif isinstance(message, Event):
-            self.say(f"{message.unit}: {message.text}")
+            self.say(f"{message.train} {message.unit}: {message.text}")
 
     def alive(self, token: Token, there: bool) -> None:
         """A process's token appeared or went."""
@@ -70,11 +89,13 @@ class Screen:
         if not self.states:
             return Group(Text(self._waiting()), *events)
         second = [Text(sentence, style="red") for sentence in self.second_instances()]
-        return Group(*(self._train(state, at) for state, at in self.states.values()), *second, *events)
+        states = [state for _, state in sorted(self.states.items())]
+        shown = self._train(*states[0]) if len(states) == 1 else self._overview(states)
+        return Group(shown, *second, *events)
 
     def lines(self) -> list[str]:
         """The same in few words, for where there is no terminal."""
-        states = [state for state, _ in list(self.states.values())]
+        states = [state for _, (state, _) in sorted(self.states.items())]
         lines = [f"{s.train} {s.status} {s.position_m:.2f} m {s.speed_mps * 3.6:.2f} km/h" for s in states]
         return [*lines, *self.second_instances()]
 
@@ -87,13 +108,29 @@ class Screen:
         second = self._instances.second(time.monotonic())
         return [f"{train}: {Change(train, unit, instances).text}" for (train, unit), instances in second.items()]
 
+    def _overview(self, states: Sequence[tuple[FusedState, int]]) -> Table:
+        """Several trains, one in a row."""
+        table = Table(box=None, padding=(0, 1))
+        for column in ("train", "line", "status", "position m", "interval m", "km/h", "in use", "true error", "not in use"):
+            numbers = column in ("position m", "km/h", "in use", "true error")
+            table.add_column(column, justify="right" if numbers else "left", no_wrap=column != "not in use")
+        for state, received_ns in states:
+            table.add_row(
+                state.train,
+                state.line,
+                _status(state, received_ns),
+                f"{state.position_m:.2f}",
+                f"[{state.position_min_m:.2f}, {state.position_max_m:.2f}]",
+                f"{state.speed_mps * 3.6:.2f}",
+                f"{len(state.sensors)}",
+                self.errors[state.train].short() if state.train in self.errors else "",
+                ", ".join(entry.unit for entry in state.excluded),
+            )
+        return table
+
     def _train(self, state: FusedState, received_ns: int) -> Group:
         table = Table(title=f"{state.train} on {state.line}", title_justify="left", show_header=False, box=None, padding=(0, 2))
-        age_s = (time.time_ns() - received_ns) * 1e-9
-        status = Text(state.status, style=STYLES[state.status])
-        if age_s > STALE_S:
-            status = Text(f"stale: no state for {age_s:.0f} s", style="red")
-        table.add_row("status", status)
+        table.add_row("status", _status(state, received_ns))
         bounds = f"[{state.position_min_m:.2f}, {state.position_max_m:.2f}]"
         table.add_row("position", f"{state.position_m:12.3f} m    {bounds} ± {state.position_accuracy_m:.2f} m without faults")
         table.add_row(
@@ -104,7 +141,7 @@ class Screen:
         if state.last_balise:
             table.add_row("balise", f"{state.last_balise.balise_id:>12} {state.last_balise.distance_since_m:.1f} m ago")
         if state.train in self.errors:
-            table.add_row("true error", self.errors[state.train])
+            table.add_row("true error", str(self.errors[state.train]))
         return Group(table, self._sensors(state))
 
     def _sensors(self, state: FusedState) -> Table:
@@ -126,6 +163,13 @@ class Screen:
         return table
 
 
+def _status(state: FusedState, received_ns: int) -> Text:
+    age_s = (time.time_ns() - received_ns) * 1e-9
+    if age_s > STALE_S:
+        return Text(f"stale: no state for {age_s:.0f} s", style="red")
+    return Text(state.status, style=STYLES[state.status])
+
+
 def _rate(health: Health) -> Text:
     """The rate of a unit's readings, beside the expected one where it is slower."""
     rate, expected = (
@@ -137,17 +181,16 @@ def _rate(health: Health) -> Text:
     return Text(f"{rate:.0f} Hz")
 
 
-def _error(state: FusedState, truth: Truth) -> str:
-    error, wrong = state.position_m - truth.position_m, state.speed_mps - truth.speed_mps
+def _error(state: FusedState, truth: Truth) -> Error:
     inside = state.position_min_m <= truth.position_m <= state.position_max_m
-    return f"{error:+12.3f} m, {wrong:+.4f} m/s, {'inside' if inside else 'OUTSIDE'} the interval"
+    return Error(state.position_m - truth.position_m, state.speed_mps - truth.speed_mps, inside)
 
 
-def run_watch(connect: Connection) -> int:
-    """Show the table until interrupted."""
+def run_watch(connect: Connection, train: str = "*") -> int:
+    """Show the table of a train, or of all, until interrupted."""
     screen = Screen()
     try:
-        with listening(connect, STREAMS, "*", screen.receive, screen.alive):
+        with listening(connect, STREAMS, train, screen.receive, screen.alive):
             show(screen, lambda: True, time.sleep)
     except NoRouterError as error:
         print(f"milepost: {error}", file=sys.stderr)

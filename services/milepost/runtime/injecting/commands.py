@@ -6,6 +6,7 @@ import queue
 import threading
 import time
 import uuid
+from pathlib import Path
 from typing import Any
 
 import zenoh
@@ -14,15 +15,16 @@ from milepost.config.errors import ConfigError
 from milepost.config.mistakes import must_be_one_of
 from milepost_schemas import BY_NAME, Event, FaultCommand, Message, encode
 
-from .instances import live_tokens
-from .listening import listening
-from .zenoh_config import Connection, place
+from ..instances import live_tokens
+from ..listening import listening
+from ..zenoh_config import Connection, place
 
 SENSOR, FUSER = "sensor-", "fuser"
 ANSWERS = ("fault_injected", "fault_cleared", "fault_refused")
 # how long the router takes to say that somebody listens
 MATCH_S = 1.0
 ANSWER_S = 3.0
+ALLOWED = "in a secure train the certificate `chaos` may inject faults"
 
 
 class NoAnswerError(OSError):
@@ -36,11 +38,14 @@ def send_command(connection: Connection, train: str, unit: str, fields: dict[str
     NoAnswerError.
     """
     answers: queue.SimpleQueue[Event] = queue.SimpleQueue()
+    refusals: list[Event] = []
     tool = f"inject-{uuid.uuid4().hex[:8]}"
 
     def receive(_: str, message: Message, __: int) -> None:
         if isinstance(message, Event) and message.code in ANSWERS and message.text.endswith(f"({tool})"):
             answers.put(message)
+        elif isinstance(message, Event) and message.code == "access_refused":
+            refusals.append(message)
 
     with listening(connection, ["event"], train or "*", receive) as session:
         train = _train(session, train, connection)
@@ -57,7 +62,18 @@ def send_command(connection: Connection, train: str, unit: str, fields: dict[str
         try:
             return answers.get(timeout=ANSWER_S)
         except queue.Empty:
-            raise NoAnswerError(f"{unit} of {train} did not answer within {ANSWER_S:g} s") from None
+            raise NoAnswerError(_why_silent(train, unit, refusals, isinstance(connection, Path))) from None
+
+
+def _why_silent(train: str, unit: str, refusals: list[Event], has_file: bool) -> str:
+    """Why a sensor that listens did not answer, as far as this side can tell."""
+    key = BY_NAME["chaos"].key_for(train, unit)
+    told = [event for event in refusals if key in event.text]
+    if told:
+        return f"no permission: {told[-1].unit} says: {told[-1].text}; {ALLOWED}"
+    text = f"{unit} of {train} is there, but did not answer within {ANSWER_S:g} s: its process hangs"
+    # a router says a refusal once, and again after ten seconds
+    return f"{text}, or this client has no permission: {ALLOWED}" if has_file else text
 
 
 def _train(session: Any, train: str, connection: Connection) -> str:

@@ -1,0 +1,1 @@
+"""What a person sees of running trains: who has come, the live table."""

@@ -1,0 +1,1 @@
+"""Commands to the sensors and fusers of running trains."""
