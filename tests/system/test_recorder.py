@@ -14,6 +14,7 @@ from pathlib import Path
 
 import msgpack
 import pytest
+import yaml
 import zenoh
 from mcap.exceptions import EndOfFile
 from mcap.records import Channel, Message
@@ -382,6 +383,22 @@ def test_a_recorder_that_was_killed_is_restarted_and_the_folder_is_one_recording
     done = milepost("rerun", folder, "--train", "maglev", "--out", out)
     assert done.returncode == 0, done.stderr
     assert "refused" not in done.stderr
+
+
+def test_each_of_several_trains_has_a_recording_of_its_own_and_none_of_them_delays_the_end(tmp_path: Path) -> None:
+    fleet, folder, names = tmp_path / "two.yaml", tmp_path / "recording", ["left-1", "right-1"]
+    trains = [{"train": "maglev", "name": name, "start_after_s": float(n)} for n, name in enumerate(names)]
+    fleet.write_text(yaml.safe_dump({"fleet": "two", "trains": trains}), encoding="utf-8")
+    ports = ["--listen", f"tcp/127.0.0.1:{free_port()}", "--feed", free_port()]
+    done = milepost("up", "--headless", "--fleet", fleet, "--duration", "3", "--record", folder, *ports)
+    assert done.returncode == 0, done.stderr
+    files = recordings_in(folder)
+    assert [path.name.partition("-2")[0] for path in files] == names
+    for name, path in zip(names, files, strict=True):
+        found = Summary().read([path])
+        assert {train for train, _ in found.streams} == {name}
+        assert found.streams[name, "state"].messages >= 150
+        check_whole(found)
 
 
 def test_the_examples_are_messages_of_one_train() -> None:

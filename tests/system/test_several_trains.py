@@ -103,7 +103,7 @@ def test_a_second_train_of_a_name_may_not_join(fleet: tuple[Stack, Outside], tmp
 def test_a_train_joins_a_router_and_leaves_it_without_touching_the_others(fleet: tuple[Stack, Outside], tmp_path: Path) -> None:
     stack, outside = fleet
     path, report = joining(tmp_path, name="guest-1"), tmp_path / "report.json"
-    options = ["--connect", stack.endpoint, "--duration", "3", "--report", str(report)]
+    options = ["--connect", stack.endpoint, "--duration", "3", "--report", str(report), "--record", str(tmp_path / "recording")]
     done = milepost("up", "--headless", "--fleet", str(path), *options)
     assert done.returncode == 0, done.stderr
     assert "absent" not in done.stderr, "the end of a scenario is no failure"
@@ -112,6 +112,7 @@ def test_a_train_joins_a_router_and_leaves_it_without_touching_the_others(fleet:
     assert 0 < found["states"] <= 160
     assert 0 < len(outside.heard[f"{TOP}/guest-1/state"]) <= 160
     assert found["truth"]["outside_interval"] == 0
+    assert [path.name.partition("-2")[0] for path in (tmp_path / "recording").iterdir()] == ["guest-1"]
     for name in NAMES:
         normal(outside, name)
     assert not [e for name in NAMES for e in outside.messages(f"{TOP}/{name}/event") if e["code"] == "second_instance"]
