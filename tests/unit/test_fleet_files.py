@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 import yaml
 
+from milepost.cli.recording.job import recorder_jobs
 from milepost.config.fleet_file import load_fleet, load_together
 from milepost.config.shipped_files import find_file, names_in
 from milepost.config.train import load_train
@@ -86,7 +87,8 @@ def test_a_sensor_of_somebody_elses_has_no_process_here() -> None:
 def test_a_process_that_cannot_be_forked_is_told_what_is_different_from_the_train_file(tmp_path: Path) -> None:
     (member,) = load_fleet(written(tmp_path, {"train": "maglev", "name": "airport-1", "line": "airport-maglev"}))
     shared = ProcessOptions([], change=json.dumps(member.change))
-    for job in train_jobs(member.train, checked_world(member.train, 10.0), shared):
+    recorder = recorder_jobs(member.train, tmp_path / "recording", shared, None)
+    for job in (*recorder, *train_jobs(member.train, checked_world(member.train, 10.0), shared)):
         told = dict(zip(job.options[::2], job.options[1::2], strict=True))
         train = load_train(Path(told["--train"]), json.loads(told["--change"]))
         assert (train.name, train.line.name) == ("airport-1", "airport-maglev")
