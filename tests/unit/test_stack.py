@@ -7,7 +7,7 @@ import pytest
 
 from milepost.estimation import kalman
 from milepost.estimation.gaussian import stretched
-from milepost.fusion.stack import Stack
+from milepost.fusion.stack import KEPT_SHAPES, Stack
 
 H, N, R = 7, 5, 0.3
 
@@ -59,3 +59,10 @@ def test_later_steps_leave_earlier_results_alone(beliefs):
     stack.update(mean, covariance, h, R, stack.innovations(mean, covariance, h, 0.0, R), everyone, 4)
     for now, then in zip(results, before, strict=True):
         assert all(np.array_equal(a, b) for a, b in zip(now, then, strict=True))
+
+
+def test_banks_of_many_sizes_do_not_keep_memory_for_each():
+    stack = Stack()
+    for size in range(1, 50):
+        stack.predict(np.zeros((size, N)), np.tile(np.eye(N), (size, 1, 1)), np.eye(N), np.eye(N))
+    assert len(stack._kept) <= KEPT_SHAPES

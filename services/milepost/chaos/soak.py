@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import random
 import time
+from bisect import bisect_right
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -48,7 +49,8 @@ class Blow:
 class Soak:
     """What came of a soak. `memory_mb`: of each name's process that grew most, when it was a minute old and at its end.
 
-    `missing_elsewhere`: epochs without a state that neither a blow nor a stall of the machine excuses.
+    `missing_elsewhere`: epochs without a state that neither a blow nor a stall of the machine excuses. `repeated_after`: states
+    that came twice or out of order, by the blow before.
     """
 
     minutes: float
@@ -56,6 +58,7 @@ class Soak:
     figures: Figures
     blows: list[Blow] = field(default_factory=list)
     missing_elsewhere: int = 0
+    repeated_after: dict[str, int] = field(default_factory=dict)
     memory_mb: dict[str, tuple[float, float]] = field(default_factory=dict)
     failures: list[str] = field(default_factory=list)
 
@@ -87,6 +90,7 @@ def soak(train_file: Path, minutes: float, seed: int, told: Callable[[str], None
         except (NotInTime, LookupError, OSError) as error:
             out.failures.append(str(error))
         out.missing_elsewhere = _missing_elsewhere(stack.witness.received, out.blows, stack.sentinel.stalls())
+        out.repeated_after = _repeated_after(stack.witness.received, out.blows)
         out.memory_mb = _growths(samples)
         out.failures += [f"exception: {line.strip()}" for line in stack.tracebacks]
     out.failures += _judged(out)
@@ -148,6 +152,20 @@ def _missing_elsewhere(received: Sequence[Received], blows: Sequence[Blow], stal
     excuses = [(blow.begin_ns, blow.until_ns) for blow in blows] + [(a - period_ns, b + period_ns) for a, b in stalls]
     missing = [epoch * period_ns for epoch in range(min(epochs), max(epochs)) if epoch not in epochs]
     return sum(not any(begin <= at <= until for begin, until in excuses) for at in missing)
+
+
+def _repeated_after(received: Sequence[Received], blows: Sequence[Blow]) -> dict[str, int]:
+    """How many states of an epoch that was there already, or of an earlier one, came after each blow."""
+    out: dict[str, int] = {}
+    newest, begun = -1, [blow.begin_ns for blow in blows]
+    for at_ns, state in received:
+        if state.epoch > newest:
+            newest = state.epoch
+            continue
+        number = bisect_right(begun, at_ns)
+        what = f"{blows[number - 1].what}, {(at_ns - begun[0]) * 1e-9 // 10 * 10:.0f} s" if number else "the beginning"
+        out[what] = out.get(what, 0) + 1
+    return out
 
 
 def _judged(out: Soak) -> Iterator[str]:

@@ -38,6 +38,7 @@ def soak_text(out: Soak) -> str:
     lines = [
         f"{out.minutes:g} min, seed {out.seed}: {len(out.blows)} blows, {f.states} states, {f.violations} interval violations",
         f"epochs missing: {f.missing}, outside the allowed gaps {out.missing_elsewhere}; twice or out of order: {f.repeated}",
+        *(f"  {count} after {what}" for what, count in out.repeated_after.items()),
         f"largest error {f.error_m:.2f} m, longest gap {f.gap_s:.2f} s (stall {f.stall_s:.2f} s)",
         f"{'memory of its own, MB':<30} {'first':>8} {'last':>8}",
         *(f"{name:<30} {first:8.1f} {last:8.1f}" for name, (first, last) in out.memory_mb.items()),

@@ -19,6 +19,8 @@ NO_ALTERNATIVES: frozenset[Units] = frozenset()
 DECORRELATION_S = 10.0
 # where one cause explains all that is seen, another that is so much less likely is not considered
 PLAUSIBLE = 0.02
+# so many combinations of living rows have their intervals kept
+KEPT_INTERVALS = 128
 # a suspect that says nothing: it lies where the train moves harder than its motion model says
 MOTION_MODEL = "motion-model"
 HARD: Units = frozenset((MOTION_MODEL,))
@@ -159,6 +161,8 @@ class Rows:
         key = alive.tobytes()
         kept = self._intervals.get(key)
         if kept is None:
+            if len(self._intervals) >= KEPT_INTERVALS:
+                self._intervals.clear()
             published = self.published(alive)
             risk = self.doubts.risk * self.chances[published].max(initial=0.0) / max(1, int(published.sum()))
             kept = published, np.array([normal_reach(risk / p) for p in self.chances[published]])

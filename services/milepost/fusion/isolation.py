@@ -15,6 +15,8 @@ from .verdicts import Exclusion, Reset, Verdict
 
 # between hypotheses one of which is true, less evidence decides than against all units at once
 SOFT = 0.8
+# so many compositions of the bank are kept; unbounded, a train whose units lie again and again grows
+KEPT_ROWS = 32
 
 
 class Isolation:
@@ -38,6 +40,8 @@ class Isolation:
         key = excluded, alternatives, (blamed if alternatives else NOBODY) or excluded
         rows = self._kept.get(key)
         if rows is None:
+            if len(self._kept) >= KEPT_ROWS:
+                self._kept.clear()
             rows = self._kept[key] = Rows(self._doubts, *key)
         return rows
 

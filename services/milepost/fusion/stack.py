@@ -10,6 +10,9 @@ from milepost.estimation.layout import N_COMMON, Array
 
 from .evidence import Flags
 
+# of so many shapes of P the arrays in between are kept
+KEPT_SHAPES = 8
+
 
 class Stack:
     """`kalman.predict` and `kalman.update` over x (H, n), P (H, n, n). Not for two threads at once.
@@ -67,5 +70,7 @@ class Stack:
     def _between(self, P: Array) -> tuple[Array, Array]:
         kept = self._kept.get(P.shape)
         if kept is None:
+            if len(self._kept) >= KEPT_SHAPES:
+                self._kept.clear()
             kept = self._kept[P.shape] = np.empty_like(P), np.empty_like(P)
         return kept
