@@ -145,11 +145,10 @@ class Rows:
     def published(self, alive: Flags) -> Flags:
         """The rows whose intervals are published together.
 
-        Those near to what is excluded; once row 0 is refuted all that are likely enough, what explains an exclusion otherwise
-        too. Two causes at once, both not found yet, are left to the tests, as long as nothing was excluded that they would
-        explain.
+        Those near to what is excluded; all that are plausible, once row 0 is refuted. Two causes at once, both not found yet,
+        are left to the tests, as long as nothing was excluded that they would explain.
         """
-        return alive & self.near if alive[0] else self._likely(alive)
+        return alive & self.near if alive[0] else self.plausible(alive)
 
     def intervals(self, alive: Flags) -> tuple[Flags, NDArray[np.float64]]:
         """The published rows (H), and K of each of these: Σ p_h · 2 Φ(-K_h) is the risk of one decorrelation time.
@@ -170,14 +169,12 @@ class Rows:
         return kept
 
     def plausible(self, alive: Flags) -> Flags:
-        """The rows alive from which one may be chosen, not far less likely from the outset than another one.
+        """The rows alive that are not far less likely from the outset than another row alive.
 
         What explains an exclusion otherwise is asked only where nothing is left that goes on from it.
         """
-        return self._likely(alive & self._onward if (alive & self._onward).any() else alive)
-
-    def _likely(self, rows: Flags) -> Flags:
-        return np.asarray(rows & (self.chances > PLAUSIBLE * self.chances[rows].max(initial=0.0)))
+        held = alive & self._onward if (alive & self._onward).any() else alive
+        return np.asarray(held & (self.chances > PLAUSIBLE * self.chances[held].max(initial=0.0)))
 
     def smallest(self, rows: Flags) -> int | None:
         """The row of these whose set is contained in that of every other; None where they contradict each other."""

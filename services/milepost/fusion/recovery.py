@@ -7,7 +7,7 @@ import numpy as np
 from milepost.estimation.layout import Array
 
 from .bank_state import Bank, protected
-from .hypotheses import Units
+from .hypotheses import MOTION_MODEL, NO_ALTERNATIVES, Units
 from .verdicts import Verdict
 
 # a refuted hypothesis is taken up again from row 0, if row 0 lives so long
@@ -39,7 +39,9 @@ def hold_ns(verdict: Verdict) -> int:
 
 
 def alternatives(state: Bank, blamed: Units) -> frozenset[Units]:
-    """The rows alive that explain otherwise why units are, or were, excluded."""
+    """The rows alive that explain otherwise why units are, or were, excluded; none where the train moves harder."""
+    if MOTION_MODEL in blamed:
+        return NO_ALTERNATIVES
     alive = (units for units, lives in zip(state.rows.sets, state.alive, strict=True) if lives)
     return frozenset(units for units in alive if not units >= blamed)
 
