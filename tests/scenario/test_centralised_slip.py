@@ -17,6 +17,7 @@ from harness import ROOT
 from milepost.config.fusion_settings import full_layout, fuser_settings, prior
 from milepost.config.train import Train, load_train
 from milepost.estimation.centralised import Reading, centralised
+from milepost.estimation.gaussian import stretched
 from milepost.estimation.kalman import predict, update
 from milepost.estimation.layout import Array
 from milepost.estimation.motion import full_process_noise, full_transition
@@ -153,11 +154,14 @@ class Reference:
         self._at_ns = at_ns
 
     def take(self, reading: Reading) -> None:
-        own = list(self.layout.indices.get(reading.unit, (0, 1, 2)))
+        own, scale = list(self.layout.indices.get(reading.unit, (0, 1, 2))), self.layout.scales.get(reading.unit)
         for units, (x, P) in self._beliefs.items():
             if reading.unit not in units:
                 for row, value, variance in reading.observe(x[own], P[np.ix_(own, own)]):
+                    before = x
                     x, P = update(x, P, np.array(self.layout.lift(reading.unit, row)), value, variance)
+                    if scale is not None:
+                        P = stretched(before, x, P, scale)
                 self._beliefs[units] = x, P
 
     def decide(self, decision: Decision, before: tuple[Array, Array]) -> None:

@@ -49,7 +49,9 @@ def test_the_truth_stays_inside_throughout(journey: Journey) -> None:
 
 
 def test_the_receiver_is_excluded_while_its_rtk_is_false(journey: Journey) -> None:
-    during = journey.between(FALSE_S[0] + 1.0, FALSE_S[1])
+    doubted = journey.between(FALSE_S[0] + 0.1, FALSE_S[1])
+    assert all("gnss" in {*state.doubted, *(e.unit for e in state.excluded)} for state in doubted)
+    during = journey.between(FALSE_S[0] + 1.5, FALSE_S[1])
     assert all(any(e.unit == "gnss" for e in state.excluded) for state in during)
 
 
