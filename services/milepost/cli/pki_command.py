@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -13,6 +12,7 @@ from milepost.config.errors import ConfigError
 from milepost.config.shipped_files import find_file
 
 from .options import DEFAULT_TRAIN, StateDirOption, TrainOption
+from .say import say
 
 # as in milepost.security.authority; the library behind it is not imported before it is needed
 DEFAULT_DAYS = 7.0
@@ -26,10 +26,6 @@ DaysOption = Annotated[float, typer.Option("--days", min=0.0001, max=825.0, help
 HostOption = Annotated[
     list[str], typer.Option("--host", help="Name or address of a router, besides its own name and localhost. Repeatable.")
 ]
-
-
-def _say(sentence: str) -> None:
-    print(f"milepost: {sentence}", file=sys.stderr, flush=True)
 
 
 def _bundle(train: Path, folder: Path | None, state_dir: Path | None):  # type: ignore[no-untyped-def]
@@ -68,7 +64,7 @@ def init(
     bundle = _bundle(train, folder, state_dir)
     bundle.create(days, host, owner)
     bundle.write_sessions(listen, connect or listen)
-    _say(f"{bundle.folder}: certificates for {days:g} days; keep ca.key from everybody")
+    say(f"{bundle.folder}: certificates for {days:g} days; keep ca.key from everybody")
 
 
 @pki.command()
@@ -83,7 +79,7 @@ def issue(
     """Replace the certificates of some."""
     bundle = _bundle(train, folder, state_dir)
     bundle.issue(name, days, host)
-    _say(f"{bundle.folder}: {', '.join(name)}: certificates for {days:g} days")
+    say(f"{bundle.folder}: {', '.join(name)}: certificates for {days:g} days")
 
 
 @pki.command()
@@ -95,8 +91,8 @@ def rotate(
 ) -> None:
     """Replace all certificates while the train runs: routers last and one after the other, so that everybody connects again."""
     bundle = _bundle(train, folder, state_dir)
-    bundle.rotate(days, _say)
-    _say(f"{bundle.folder}: certificates for {days:g} days")
+    bundle.rotate(days, say)
+    say(f"{bundle.folder}: certificates for {days:g} days")
 
 
 def acl(train: TrainOption = DEFAULT_TRAIN) -> None:

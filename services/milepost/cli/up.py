@@ -27,7 +27,8 @@ from .endpoint import port_is_free
 from .joining import may_join
 from .proc import age_s, proportional_mib
 from .run import RECORDER
-from .up_output import completed, say, scratch, telling
+from .say import say
+from .up_output import completed, scratch, telling
 
 if TYPE_CHECKING:
     from milepost.config.fleet_file import Member

@@ -5,15 +5,11 @@ from __future__ import annotations
 import contextlib
 import json
 import os
-import sys
 import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-
-def say(sentence: str) -> None:
-    """A sentence to whoever started it."""
-    print(f"milepost: {sentence}", file=sys.stderr, flush=True)
+from .say import say
 
 
 @contextlib.contextmanager

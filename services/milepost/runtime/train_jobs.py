@@ -68,13 +68,13 @@ def train_jobs(
             process.name,
             ("run", process.role, *unit),
             _command_options(train, process, options),
-            partial(_ended, train, process.role, process.unit, options, world if role.uses_world else None),
+            partial(_exit_code, train, process.role, process.unit, options, world if role.uses_world else None),
             tells=process.role in TELLING,
             train="" if shared.change is None else train.name,
         )
 
 
-def _ended(*process: Any) -> int:
+def _exit_code(*process: Any) -> int:
     """Run a process; its exit code says whether it was asked to end or its work is done."""
     return ASKED_TO_END if run_process(*process) else 0
 

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import queue
-import sys
 
 from milepost.feeds.position_report_text import in_words
-from milepost.runtime.bus import NoRouterError
 from milepost.runtime.listening import listening
 from milepost.runtime.zenoh_config import Connection
 from milepost_schemas import Message, PositionReport
+
+from ..say import say
+from ..showing.until_interrupted import until_interrupted
 
 # reports come at least this often where any train sends them
 SILENT_S = 5.0
@@ -24,15 +25,11 @@ def run_etcs(connect: Connection, as_json: bool, count: int | None) -> int:
         if isinstance(message, PositionReport):
             reports.put(message)
 
-    try:
+    def show() -> None:
         with listening(connect, ["position_report"], "*", receive):
             _print(reports, as_json, count)
-    except NoRouterError as error:
-        print(f"milepost: {error}", file=sys.stderr)
-        return 1
-    except KeyboardInterrupt:
-        return 0
-    return 0
+
+    return until_interrupted(show)
 
 
 def _print(reports: queue.SimpleQueue[PositionReport], as_json: bool, count: int | None) -> None:
@@ -42,7 +39,7 @@ def _print(reports: queue.SimpleQueue[PositionReport], as_json: bool, count: int
             report = reports.get(timeout=SILENT_S)
         except queue.Empty:
             if not (printed or hinted):
-                print(f"milepost: {HINT}", file=sys.stderr, flush=True)
+                say(HINT)
                 hinted = True
             continue
         print(report.model_dump_json() if as_json else in_words(report), flush=True)

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import signal
-import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from milepost.cli.endpoint import port_is_free
+from milepost.cli.say import say
 from milepost.config.errors import ConfigError
 from milepost.config.line_tracks import LineTracks
 from milepost.runtime.zenoh_config import Connection
@@ -39,11 +39,6 @@ def feed_body(
     from milepost.runtime.web.feed_server import run_feed
 
     run_feed(connection, host, port, LineTracks(lines, say), tell)
-
-
-def say(sentence: str) -> None:
-    """A sentence to whoever started this."""
-    print(f"milepost: {sentence}", file=sys.stderr, flush=True)
 
 
 def run_feed_command(connection: Connection, host: str, port: int, lines: Sequence[Path]) -> int:

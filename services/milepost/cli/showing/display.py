@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import sys
 import time
 from collections.abc import Sequence
 from typing import Literal
@@ -14,6 +13,7 @@ from milepost.runtime.listening import listening
 from milepost.runtime.stop_signals import StopSignals
 from milepost_schemas import FusedState, Message
 
+from ..say import say
 from .arrivals import Arrivals
 
 # `start`: only who has come, until the first states; `lines`: a state a second as well; `table`: the live table
@@ -31,13 +31,13 @@ def run_display(
         return (time.time_ns() - began_ns) * 1e-9
 
     if mode == "start":
-        _show_start(connection, trains, Arrivals(expected, trains, _say, age_s))
+        _show_start(connection, trains, Arrivals(expected, trains, say, age_s))
         return
     # what draws a table takes a while to import
     from .watch import STREAMS, Screen, show
 
     screen = Screen()
-    arrivals = screen.arrivals = Arrivals(expected, trains, screen.say if mode == "table" else _say, age_s)
+    arrivals = screen.arrivals = Arrivals(expected, trains, screen.say if mode == "table" else say, age_s)
 
     def receive(stream: str, message: Message, now_ns: int) -> None:
         if message.train not in trains:  # others may run on the same router
@@ -82,10 +82,6 @@ def _show_start(connection: zenoh_config.Connection, trains: Sequence[str], arri
         arrivals.came("router")
         while not arrivals.done and not stop.wait(LOOK_EVERY_S):
             pass
-
-
-def _say(sentence: str) -> None:
-    print(f"milepost: {sentence}", file=sys.stderr, flush=True)
 
 
 def _sentences() -> list[str]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
@@ -13,13 +12,13 @@ from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
-from milepost.runtime.bus import NoRouterError
 from milepost.runtime.instances import Change, Instances, Token
 from milepost.runtime.listening import listening
 from milepost.runtime.zenoh_config import Connection
 from milepost_schemas import Event, FusedState, Health, Message, Truth
 
 from .arrivals import Arrivals
+from .until_interrupted import until_interrupted
 
 STYLES = {"normal": "green", "initialising": "cyan", "degraded": "yellow", "coasting": "yellow", "lost": "red"}
 STREAMS = ["state", "truth", "health", "event"]
@@ -189,15 +188,12 @@ def _error(state: FusedState, truth: Truth) -> Error:
 def run_watch(connect: Connection, train: str = "*") -> int:
     """Show the table of a train, or of all, until interrupted."""
     screen = Screen()
-    try:
+
+    def show_all() -> None:
         with listening(connect, STREAMS, train, screen.receive, screen.alive):
             show(screen, lambda: True, time.sleep)
-    except NoRouterError as error:
-        print(f"milepost: {error}", file=sys.stderr)
-        return 1
-    except KeyboardInterrupt:
-        return 0
-    return 0
+
+    return until_interrupted(show_all)
 
 
 def show(screen: Screen, going: Callable[[], bool], wait: Callable[[float], object]) -> None:
