@@ -29,13 +29,15 @@ MOTION = {
 }
 
 
-def ride(folder: Path, seed: int, duration_s: float, units: dict[str, Any], **world: Any) -> Journey:
+def ride(
+    folder: Path, seed: int, duration_s: float, units: dict[str, Any], jerk_psd: float = 0.01, std: float = 0.06, **world: Any
+) -> Journey:
     """A train with two wheels and a radar that reads 0.6 % more from 5 s on."""
-    wheels = {"o1": {**WHEEL, "phase_s": 0.0}, "o2": {**WHEEL, "phase_s": 0.05}}
+    wheels = {"o1": {**WHEEL, "scale_std": std, "phase_s": 0.0}, "o2": {**WHEEL, "scale_std": std, "phase_s": 0.05}}
     train = {
         "train": "small-lies",
         "line": str(ROOT / "deploy/lines/metro.yaml"),
-        "motion_model": {"jerk_psd_m2ps5": 0.01},
+        "motion_model": {"jerk_psd_m2ps5": jerk_psd},
         "prior": PRIOR | STD,
         "fusion": {"rule": "information", "period_ms": 100, "shares": "by_accuracy"},
         "world": {"seed": 1, "motion": MOTION, **world},
@@ -57,4 +59,13 @@ def test_a_wheel_that_slipped_does_not_bring_what_a_liar_has_taught_it_to_the_ro
 ) -> None:
     slip = {"events": [{"from_s": 60.0, "to_s": 61.5, "ratio": 0.2, "units": ["o1"]}]}
     journey = ride(tmp_path, seed, 110.0, {}, creep=slip)
+    assert journey.outside() == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [1, 3, 4])
+def test_a_brake_harder_than_the_motion_model_does_not_hide_that_the_radar_may_lie_too(tmp_path: Path, seed: int) -> None:
+    """GIVEN a lie that nobody has seen WHEN the train brakes by 1.3 m/s² THEN both causes together stay in the interval."""
+    brakes = {**MOTION, "profile": [[0.0, 22.0], [60.0, 22.0], [70.0, 9.0], [200.0, 9.0]]}
+    journey = ride(tmp_path, seed, 90.0, {"imu": {"kind": "imu", "rate_hz": 10.0}}, 0.001, 0.01, motion=brakes)
     assert journey.outside() == []

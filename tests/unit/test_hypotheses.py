@@ -224,6 +224,8 @@ def test_another_explanation_is_plausible_only_where_nothing_goes_on_from_the_ex
     assert rows.plausible(beside).tolist() == flags(rows, HARD).tolist()
     assert rows.plausible(flags(rows, A | C, B | C)).tolist() == flags(rows, A | C).tolist()
     assert rows.plausible(flags(rows, B | C)).tolist() == flags(rows, B | C).tolist()
+    # though nobody follows it, it stays in the interval
+    assert rows.published(flags(rows, A | C, B | C)).tolist() == flags(rows, A | C, B | C).tolist()
 
 
 def test_with_one_wheel_excluded_the_others_are_as_likely_as_their_common_cause() -> None:

@@ -134,4 +134,5 @@ def doubts(train: Train) -> Doubts:
         fusion.integrity_risk_per_hour,
         motion.hard_probability,
         motion.hard_jerk_psd_m2ps5,
+        frozenset(unit for unit, sensor in train.sensors.items() if sensor.stream == "speed_reading"),
     )

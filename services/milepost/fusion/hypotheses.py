@@ -49,7 +49,8 @@ class Doubts:
 
     `groups`: units that one cause makes lie together, and its probability. `false_alarms_per_hour`: of the whole train.
     `risk_per_hour`: of the truth outside the published interval. `hard_motion_probability`: that the train moves harder than
-    its motion model says at any moment, 0: never; its rows are driven by white jerk of `hard_jerk_psd` (m²/s⁵).
+    its motion model says at any moment, 0: never; its rows are driven by white jerk of `hard_jerk_psd` (m²/s⁵). `speed_units`:
+    those that read the train's speed, without which such a row grows and nothing refutes it.
     """
 
     suspects: tuple[Suspect, ...] = ()
@@ -58,6 +59,7 @@ class Doubts:
     risk_per_hour: float = 1e-4
     hard_motion_probability: float = 0.0
     hard_jerk_psd: float = 50.0
+    speed_units: Units = NOBODY
     by_unit: Mapping[str, Suspect] = field(init=False, repr=False, compare=False)
     threshold: float = field(init=False, repr=False, compare=False)
     _causes: tuple[tuple[Units, float], ...] = field(init=False, repr=False, compare=False)
@@ -145,10 +147,11 @@ class Rows:
     def published(self, alive: Flags) -> Flags:
         """The rows whose intervals are published together.
 
-        Those near to what is excluded; all that are plausible, once row 0 is refuted. Two causes at once, both not found yet,
-        are left to the tests, as long as nothing was excluded that they would explain.
+        Those near to what is excluded; once row 0 is refuted all that are likely enough, what explains an exclusion otherwise
+        too. Two causes at once, both not found yet, are left to the tests, as long as nothing was excluded that they would
+        explain.
         """
-        return alive & self.near if alive[0] else self.plausible(alive)
+        return alive & self.near if alive[0] else self._likely(alive)
 
     def intervals(self, alive: Flags) -> tuple[Flags, NDArray[np.float64]]:
         """The published rows (H), and K of each of these: Σ p_h · 2 Φ(-K_h) is the risk of one decorrelation time.
@@ -169,12 +172,14 @@ class Rows:
         return kept
 
     def plausible(self, alive: Flags) -> Flags:
-        """The rows alive that are not far less likely from the outset than another row alive.
+        """The rows alive from which one may be chosen, not far less likely from the outset than another one.
 
         What explains an exclusion otherwise is asked only where nothing is left that goes on from it.
         """
-        held = alive & self._onward if (alive & self._onward).any() else alive
-        return np.asarray(held & (self.chances > PLAUSIBLE * self.chances[held].max(initial=0.0)))
+        return self._likely(alive & self._onward if (alive & self._onward).any() else alive)
+
+    def _likely(self, rows: Flags) -> Flags:
+        return np.asarray(rows & (self.chances > PLAUSIBLE * self.chances[rows].max(initial=0.0)))
 
     def smallest(self, rows: Flags) -> int | None:
         """The row of these whose set is contained in that of every other; None where they contradict each other."""

@@ -7,7 +7,7 @@ import numpy as np
 from milepost.estimation.layout import Array
 
 from .bank_state import Bank, protected
-from .hypotheses import MOTION_MODEL, NO_ALTERNATIVES, Units
+from .hypotheses import MOTION_MODEL, Units
 from .verdicts import Verdict
 
 # a refuted hypothesis is taken up again from row 0, if row 0 lives so long
@@ -39,11 +39,16 @@ def hold_ns(verdict: Verdict) -> int:
 
 
 def alternatives(state: Bank, blamed: Units) -> frozenset[Units]:
-    """The rows alive that explain otherwise why units are, or were, excluded; none where the train moves harder."""
-    if MOTION_MODEL in blamed:
-        return NO_ALTERNATIVES
+    """The rows alive that explain otherwise why units are, or were, excluded.
+
+    Where the train moves harder than its motion model, only those that hear a unit which reads the speed: others are never
+    refuted, and their intervals grow without end.
+    """
     alive = (units for units, lives in zip(state.rows.sets, state.alive, strict=True) if lives)
-    return frozenset(units for units in alive if not units >= blamed)
+    others = frozenset(units for units in alive if not units >= blamed)
+    if MOTION_MODEL not in blamed:
+        return others
+    return frozenset(units for units in others if state.rows.doubts.speed_units - units)
 
 
 def widened(state: Bank, row: int, limit: float) -> Array:
