@@ -22,8 +22,8 @@ from .witness import NotInTime
 
 EVERY_S = 5.0
 LIES_SHARE = 0.3
-# a younger process has not yet all that it works with
-GROWN_S = 60.0
+# a younger process has not yet all that it works with: a fuser's banks have had all their compositions only then
+GROWN_S = 300.0
 BYTES_PER_MB = 1e6
 GROWTH = 0.05
 # a process that was forked goes on to write to pages that it shared at first
@@ -47,7 +47,8 @@ class Blow:
 
 @dataclass
 class Soak:
-    """What came of a soak. `memory_mb`: of each name's process that grew most, when it was a minute old and at its end.
+    """What came of a soak. `memory_mb`: of each name's process that grew most, when it was five minutes old and at its
+    end; none of one that lived shorter.
 
     `missing_elsewhere`: epochs without a state that neither a blow nor a stall of the machine excuses. `repeated_after`: states
     that came twice or out of order, by the blow before.
