@@ -19,8 +19,8 @@ Parameter = Any
 HEAD = """\
 # Every command
 
-Made by `milepost schema` from the commands themselves; `milepost COMMAND --help` says the same. Exit codes: 0 done; 1 what the command says
-of itself, or something failed; 2 a mistake on the command line or in a file.
+Made by `milepost schema` from the commands themselves; `milepost COMMAND --help` says the same. Exit codes: 0 done; 1 what the
+command says of itself, or something failed; 2 a mistake on the command line or in a file.
 """
 COLUMNS = "| option | values | default | meaning |\n| --- | --- | --- | --- |\n"
 WORDS = {int: "whole number", float: "number", Path: "path", str: "text"}

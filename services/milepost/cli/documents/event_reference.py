@@ -9,8 +9,9 @@ from .config_reference import cells
 HEAD = """\
 # Every event
 
-Made by `milepost schema` from the table of events; `milepost events` prints it, `milepost events --json` as JSON, `milepost events --prometheus`
-as alert rules. An event is a [message](reference-messages.md#event-1) on the key `event`: its `code` is for programs, its `text` for people.
+Made by `milepost schema` from the table of events; `milepost events` prints it, `milepost events --json` as JSON,
+`milepost events --prometheus` as alert rules. An event is a [message](reference-messages.md#event-1) on the key `event`: its
+`code` is for programs, its `text` for people.
 
 | code | severity | meaning | what to do |
 | --- | --- | --- | --- |

@@ -22,20 +22,23 @@ PACES = {
 HEAD = f"""\
 # Every message
 
-Made by `milepost schema` from the table of streams and the models of the messages. Keys are below `{ROOT}/{{train}}/`; payloads are msgpack
-maps, and the Zenoh encoding names the schema. `schemas/json` has the same as JSON Schemas, `schemas/asyncapi.json` as one AsyncAPI 3 document. A
-receiver ignores what it does not know: [what stays the same](compatibility.md).
+Made by `milepost schema` from the table of streams and the models of the messages. Keys are below `{ROOT}/{{train}}/`;
+payloads are msgpack maps, and the Zenoh encoding names the schema. `schemas/json` has the same as JSON Schemas,
+`schemas/asyncapi.json` as one AsyncAPI 3 document. A receiver ignores what it does not know:
+[what stays the same](compatibility.md).
 
 """
 COMMON = """\
 ## What every message has
 
 """
-STREAM_COLUMNS = "| key | message | when | priority | kept | recorded | content |\n| --- | --- | --- | --- | --- | --- | --- |\n"
+STREAM_COLUMNS = f"| key | message | when | priority | kept | recorded | content |\n|{' --- |' * 7}\n"
 AFTER_STREAMS = """
 `kept`: so many messages a publisher remembers for a subscriber that was cut off. `recorded`: whether a recorder writes it.
 
 """
+# what msgpack can carry is no limit that anybody meets
+LARGEST = 2**63
 FIELD_COLUMNS = "| field | values | required | meaning |\n| --- | --- | --- | --- |\n"
 
 
@@ -95,7 +98,7 @@ def _words(body: dict[str, Any]) -> str:
     if body.get("type") == "object":
         inside = next(iter(body.get("patternProperties", {}).values()), body.get("additionalProperties"))
         return f"mapping of {_words(inside)}" if isinstance(inside, dict) else "mapping"
-    return values_in_words(body)
+    return values_in_words({key: value for key, value in body.items() if value != LARGEST})
 
 
 def _length(body: dict[str, Any]) -> str:
