@@ -77,10 +77,10 @@ schema: $(VENV)/.ready ## write the JSON Schemas, AsyncAPI and the references of
 	$(BIN)/milepost schema
 
 docs: $(VENV)/.docs ## build the documentation site in site/, every warning an error
-	$(BIN)/mkdocs build --quiet --strict
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet --strict
 
 docs-serve: $(VENV)/.docs ## show the documentation on http://127.0.0.1:8000 while it is edited
-	$(BIN)/mkdocs serve
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs serve
 
 pictures: $(VENV)/.ready ## draw the pictures of the README and of docs/ again
 	$(BIN)/python docs/pictures.py
