@@ -9,7 +9,7 @@ FUZZ ?=
 LONG := tests/property tests/consistency tests/replay tests/scenario
 TESTS := $(LONG) $(filter-out $(LONG),$(patsubst %/,%,$(wildcard tests/*/)))
 
-.PHONY: help up test test-fast lint audit bench chaos compose-test fuzz pictures schema clean
+.PHONY: help up test test-fast lint audit bench chaos compose-test fuzz docs docs-serve pictures schema clean
 
 help: ## show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## /{printf "  make %-14s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -35,6 +35,10 @@ $(VENV)/.fuzz: $(VENV)/.ready
 		|| echo "no atheris for this Python: inputs are altered by chance, not guided by coverage"
 	touch $@
 
+$(VENV)/.docs: $(VENV)/.ready
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c requirements.lock -e ./schemas -e '.[dev,docs]'
+	touch $@
+
 up: $(VENV)/.ready ## start the default train and show it (TRAIN=name or file, UP="--duration 60 --report out.json")
 	$(BIN)/milepost up --train $(TRAIN) $(UP)
 
@@ -45,7 +49,7 @@ test: $(VENV)/.ready ## run all tests except those that need a container engine
 
 test-fast: $(VENV)/.ready ## run the quick tests of units, contracts, properties and golden runs
 	$(BIN)/python -m pytest -n logical --dist worksteal --hypothesis-profile=fast -m "not slow" \
-		tests/unit tests/contract tests/property tests/replay
+		tests/unit tests/contract tests/docs tests/property tests/replay
 
 lint: $(VENV)/.ready ## run ruff and mypy --strict, compare the exported schemas
 	$(BIN)/ruff check .
@@ -69,11 +73,17 @@ compose-test: $(VENV)/.ready ## test compose.yaml and the Dask cluster with a co
 fuzz: $(VENV)/.fuzz ## feed every decoder with hostile bytes, a million in all (FUZZ="--inputs N --target T")
 	$(BIN)/python -m tests.fuzz $(FUZZ)
 
-schema: $(VENV)/.ready ## write the JSON Schemas, AsyncAPI and the reference of all keys
+schema: $(VENV)/.ready ## write the JSON Schemas, AsyncAPI and the references of docs/
 	$(BIN)/milepost schema
 
-pictures: $(VENV)/.ready ## draw the pictures of the README again
+docs: $(VENV)/.docs ## build the documentation site in site/, every warning an error
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet --strict
+
+docs-serve: $(VENV)/.docs ## show the documentation on http://127.0.0.1:8000 while it is edited
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs serve
+
+pictures: $(VENV)/.ready ## draw the pictures of the README and of docs/ again
 	$(BIN)/python docs/pictures.py
 
 clean: ## remove what make made
-	rm -rf $(VENV) .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) .pytest_cache .mypy_cache .ruff_cache .hypothesis site

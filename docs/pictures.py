@@ -1,12 +1,15 @@
-"""Draw the pictures of the README: `make pictures`. The table is a live run's, the plot that of `milepost evaluate`."""
+"""Draw the pictures of the README and docs/ (`make pictures`): the table of a live run, the plots of `milepost evaluate`."""
 
 from __future__ import annotations
 
 import io
+import re
+import shutil
 import signal
 import socket
 import subprocess
 import sys
+import tempfile
 import time
 from pathlib import Path
 
@@ -20,8 +23,10 @@ FOLDER = Path(__file__).resolve().parent / "pictures"
 SCENARIO = "odometer-radar"
 # the front wheel of the default train spins from 75 to 79 s
 RUN_S = 77.0
+# the pages whose scenario is drawn under its name
+PAGES = ("explanation/time.md", "explanation/hypotheses.md")
 COLUMNS = 100
-COLOURS = 32
+COLOURS = 128
 
 # rich's own template without its web fonts: the picture loads nothing from elsewhere
 SVG = """\
@@ -88,14 +93,45 @@ def wait_for(port: int) -> None:
     raise TimeoutError(f"nothing listens on port {port}")
 
 
-def draw_plot(path: Path) -> None:
-    """Draw the errors of a scenario; few colours keep the file small."""
-    subprocess.run([sys.executable, "-m", "milepost", "evaluate", SCENARIO, "--plot", str(path)], check=True)
+def draw_plot(scenario: str, path: Path) -> None:
+    """Draw the errors of a scenario."""
+    evaluate(scenario, "--plot", str(path))
+    shrink(path)
+
+
+def draw_page(page: Path, folder: Path) -> None:
+    """Draw the errors of the scenario that a page shows, as the page's command does."""
+    ((name, text),) = re.findall(r'```yaml title="([\w-]+)\.yaml"\n(.*?)```', page.read_text(encoding="utf-8"), re.S)
+    with tempfile.TemporaryDirectory() as there:
+        scenario = Path(there) / f"{name}.yaml"
+        scenario.write_text(text, encoding="utf-8")
+        draw_plot(str(scenario), folder / f"{name}.png")
+
+
+def draw_wheels(path: Path) -> None:
+    """Draw what is learned of two wheels, from the report of a scenario."""
+    with tempfile.TemporaryDirectory() as there:
+        evaluate(SCENARIO, "--report", there)
+        shutil.copy(Path(there) / f"{SCENARIO}.diameter.png", path)
+    shrink(path)
+
+
+def evaluate(*words: str) -> None:
+    """Run `milepost evaluate`."""
+    subprocess.run([sys.executable, "-m", "milepost", "evaluate", *words], check=True)
+
+
+def shrink(path: Path) -> None:
+    """Few colours keep the file small; an octree keeps those of thin lines."""
     with Image.open(path) as image:
-        image.convert("RGB").quantize(COLOURS, dither=Image.Dither.NONE).save(path, optimize=True)
+        few = image.convert("RGB").quantize(COLOURS, method=Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
+        few.save(path, optimize=True)
 
 
 if __name__ == "__main__":
     FOLDER.mkdir(exist_ok=True)
     draw_table(FOLDER / "table.svg")
-    draw_plot(FOLDER / "errors.png")
+    draw_plot(SCENARIO, FOLDER / "errors.png")
+    draw_wheels(FOLDER / "wheel-diameter.png")
+    for shown in PAGES:
+        draw_page(FOLDER.parent / shown, FOLDER)

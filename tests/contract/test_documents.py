@@ -11,15 +11,17 @@ from typing import Any
 
 import jsonschema
 import pytest
+import typer
 import yaml
 
 from examples import examples_of
 from milepost.cli.documents.config_models import FILES, LIKE, keys_of, meaning, models, table
 from milepost.cli.documents.config_schemas import config_schema
+from milepost.cli.main import app
 from milepost.cli.schema import CONFIG, document_files, run_schema
 from milepost.config.yaml_files import read_yaml
 from milepost.simulation.faults import FAULTS as KINDS_OF_FAULT
-from milepost_schemas import ROOT, STREAMS, Stream
+from milepost_schemas import EVENT_CODES, ROOT, STREAMS, Stream
 from milepost_schemas.asyncapi import asyncapi
 from milepost_schemas.documents import json_schema, schema_names
 from milepost_schemas.meanings import MEANINGS
@@ -164,6 +166,45 @@ def test_the_reference_has_a_row_for_every_key(root: Path) -> None:
     rows = {re.findall(r"`([^`]+)`", cell)[-1] for cell in first_cells}
     assert rows == {key for model in models() for key in keys_of(model)} | FAULTS
     assert len(first_cells) > 300
+
+
+def rows_of(root: Path, name: str) -> dict[str, list[str]]:
+    """The first cells of the tables of a made document, by heading."""
+    found: dict[str, list[str]] = {}
+    heading = ""
+    for line in (root / f"docs/reference-{name}.md").read_text(encoding="utf-8").splitlines():
+        heading = line.removeprefix("## ") if line.startswith("## ") else heading
+        found.setdefault(heading, []).extend(re.findall(r"^\| `(.*?)` \|", line))
+    return found
+
+
+def test_the_reference_has_a_section_for_every_message_and_a_row_for_every_field(root: Path) -> None:
+    found = rows_of(root, "messages")
+    shared = set(found["What every message has"])
+    for name in schema_names():
+        schema = json_schema(name)
+        assert set(found[name]) == set(schema["properties"]) - (shared if "train" in schema["properties"] else set())
+        for title, part in schema.get("$defs", {}).items():
+            known = title in found or title in {model.__name__ for model in schema_names().values()}
+            assert known or "properties" not in part, title
+    assert found[""] == [row.key for row in STREAMS]
+
+
+def test_the_reference_has_a_row_for_every_event(root: Path) -> None:
+    assert rows_of(root, "events")[""] == [row.code for row in EVENT_CODES]
+
+
+def test_the_reference_has_a_section_for_every_command_and_a_row_for_every_option(root: Path) -> None:
+    found = rows_of(root, "commands")
+    group: Any = typer.main.get_group(app)
+    seen = {f"milepost {name}": command for name, command in group.commands.items() if not command.hidden}
+    seen |= {f"milepost pki {name}": command for name, command in seen["milepost pki"].commands.items()}
+    assert set(found) - {""} == set(seen)
+    for name, command in seen.items():
+        shown = [each for each in command.params if each.name != "help" and not each.hidden]
+        options = {each.opts[0] for each in shown if each.param_type_name == "option"}
+        assert options == {cell for cell in found[name] if cell.startswith("--")}, name
+        assert len(found[name]) == len(shown), name
 
 
 def official(document: object) -> list[str]:

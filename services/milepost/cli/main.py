@@ -151,7 +151,7 @@ def schema(
     out: Annotated[Path, typer.Option("--out", help="Folder to write to: that of the repository.")] = Path(),
     check: Annotated[bool, typer.Option("--check", help="Write nothing; exit code 1 if a file differs.")] = False,
 ) -> None:
-    """Write what is made from tables: JSON Schemas of messages and configuration files, AsyncAPI, the reference of all keys."""
+    """Write what is made from tables: JSON Schemas of messages and configuration files, AsyncAPI, the references."""
     from .schema import run_schema
 
     raise typer.Exit(run_schema(out, check))

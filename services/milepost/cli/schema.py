@@ -8,11 +8,20 @@ from pathlib import Path
 from milepost_schemas.asyncapi import asyncapi
 from milepost_schemas.documents import json_schema_text, json_text, schema_names
 
+from .documents.command_reference import command_reference
 from .documents.config_models import FILES
 from .documents.config_reference import config_reference
 from .documents.config_schemas import config_schema
+from .documents.event_reference import event_reference
+from .documents.message_reference import message_reference
 
-MESSAGES, CONFIG, TABLES = "schemas/json", "schemas/config", ("schemas/asyncapi.json", "docs/reference-configuration.md")
+MESSAGES, CONFIG, ASYNCAPI = "schemas/json", "schemas/config", "schemas/asyncapi.json"
+REFERENCES = {
+    "docs/reference-configuration.md": config_reference,
+    "docs/reference-messages.md": message_reference,
+    "docs/reference-events.md": event_reference,
+    "docs/reference-commands.md": command_reference,
+}
 
 
 def schema_files() -> dict[str, str]:
@@ -24,7 +33,7 @@ def document_files() -> dict[str, str]:
     """Path and content of every document."""
     files = {f"{MESSAGES}/{name}": content for name, content in schema_files().items()}
     files |= {f"{CONFIG}/{kind}.schema.json": json_text(config_schema(kind)) for kind in FILES}
-    return {**files, TABLES[0]: json_text(asyncapi()), TABLES[1]: config_reference()}
+    return {**files, ASYNCAPI: json_text(asyncapi()), **{name: make() for name, make in REFERENCES.items()}}
 
 
 def run_schema(out: Path, check: bool) -> int:

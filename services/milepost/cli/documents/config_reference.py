@@ -84,8 +84,12 @@ def _sections(model: type[BaseModel], schema: Schema, place: str) -> Iterator[st
 def _row(model: type, key: str, body: Schema) -> str:
     field = body["properties"][key]
     default = "required" if key in body.get("required", []) else _default(model, key, field)
-    cells = (f"`{key}`", _values(field), _unit(key), default, meaning(model, key))
-    return f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in cells)} |\n"
+    return cells(f"`{key}`", values_in_words(field), _unit(key), default, meaning(model, key))
+
+
+def cells(*texts: str) -> str:
+    """A row of a table."""
+    return f"| {' | '.join(text.replace('|', chr(92) + '|') for text in texts)} |\n"
 
 
 def _default(model: type, key: str, field: Schema) -> str:
@@ -105,7 +109,7 @@ def _unit(key: str) -> str:
     return next((unit for end, unit in UNITS.items() if key == end or key.endswith(f"_{end}")), "")
 
 
-def _values(field: Schema) -> str:
+def values_in_words(field: Schema) -> str:
     """What a key may hold, in a few words."""
     if field.get("$ref") == FILTER:
         return "name, mapping or `null`"
@@ -118,7 +122,7 @@ def _values(field: Schema) -> str:
     alternatives: list[Schema] = field.get("anyOf") or field.get("oneOf") or []
     options = [each for each in alternatives if each.get("type") != "null"]
     if options:
-        return " or ".join(dict.fromkeys(_values(each) for each in options))
+        return " or ".join(dict.fromkeys(values_in_words(each) for each in options))
     limits = range_of(field)
     word = {"number": "number", "integer": "whole number", "boolean": "`true`, `false`", "array": "list"}.get(
         field.get("type", ""), "path" if field.get("format") == "path" else "text"
@@ -166,7 +170,7 @@ def _faults() -> str:
         for key, field in row.options.model_json_schema().get("properties", {}).items():
             needed = row.options.model_fields[key].is_required()
             default = "required" if needed else _default(row.options, key, field)
-            rows += f"| `{kind}`: `{key}` | {_values(field)} | {_unit(key)} | {default} | {field['description']} |\n"
+            rows += f"| `{kind}`: `{key}` | {values_in_words(field)} | {_unit(key)} | {default} | {field['description']} |\n"
     return f"### `faults`: options of each kind\n\n{COLUMNS}{rows}"
 
 
