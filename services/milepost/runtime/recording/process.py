@@ -28,8 +28,9 @@ from milepost_schemas import BY_NAME, STREAMS, Health, SimulationStart, simulati
 from .. import zenoh_config
 from ..bus import Question, Stop, ZenohBus, open_session
 from ..clock import Clock
-from ..process import declare_alive, set_up_log, stop_on_signals
+from ..process import set_up_log, stop_on_signals
 from ..subscribing import subscriber
+from ..together.part import declare_alive
 from ..zenoh_config import Connection
 from .intake import Intake
 from .writer import WriterThread
