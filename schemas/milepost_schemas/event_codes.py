@@ -156,6 +156,12 @@ EVENT_CODES: tuple[EventCode, ...] = (
         "give the unit's filter a larger `gamma`",
     ),
     EventCode("h_infinity_feasible", "info", "the filter's bound exists again"),
+    EventCode(
+        "process_failed",
+        "error",
+        "a process ends with an error, which the text names, and is started again",
+        "report the error; where it comes again, leave out the unit that the text names",
+    ),
     EventCode("second_instance", "error", "a process runs twice", "end all instances but one"),
     EventCode("one_instance", "info", "a process no longer runs twice"),
     EventCode("waiting_for", "info", "whom `world` waits for"),

@@ -23,7 +23,7 @@ GUIDES = [
     README,
     *(
         (ROOT / name).read_text(encoding="utf-8")
-        for name in ("CONTRIBUTING.md", "docs/add-a-sensor.md", "docs/machines.md", "docs/recordings.md")
+        for name in ("CONTRIBUTING.md", "docs/add-a-sensor.md", "docs/fleets.md", "docs/machines.md", "docs/recordings.md")
     ),
 ]
 

@@ -129,12 +129,12 @@ main()
         ("campaign", "campaign: FILE: required: campaign file, or the name of one: "),
         (
             "run",
-            "run: ROLE: required: one of router, world, sensor, filter, balise, fuser, voter, etcs, recorder; see `milepost ",
+            "run: ROLE: required: one of router, world, sensor, filter, balise, fuser, voter, etcs, recorder, together; see ",
         ),
         ("run sensor", "run: UNIT: required: one of odometer-front, "),
         (
             "run sensr",
-            "run: ROLE: must be one of router, recorder, etcs, voter, fuser, filter, balise, sensor, world, not 'sensr'",
+            "run: ROLE: must be one of router, recorder, together, etcs, voter, fuser, filter, balise, sensor, world, not",
         ),
         ("rerun", "rerun: READINGS: required: recorded messages: "),
         ("rerun x", "rerun: --out: required: file for the settled states, one per line; see `milepost rerun --help`"),
@@ -151,7 +151,10 @@ main()
         ("up --secure --train metro --train maglev", "up: --secure: is for one train with a router of its own"),
         ("up --secure --connect tcp/a:1", "up: --secure: is for one train with a router of its own"),
         ("up --external radar --fleet three-trains", "up: --external: is for one train; a fleet file has `external` for each"),
-        ("up --fleet tree-trains", "tree-trains: neither a file nor one of the fleets: three-trains; did you mean"),
+        (
+            "up --fleet tree-trains",
+            "tree-trains: neither a file nor one of the fleets: three-trains, two-hundred; did",
+        ),
         ("up metro", "up: Got unexpected extra argument(s) (metro); did you mean `--train metro`?; see `milepost up --help`"),
         ("acl metro", "acl: Got unexpected extra argument(s) (metro); did you mean `--train metro`?"),
         ("pki rotate metro", "pki: rotate: Got unexpected extra argument(s) (metro); did you mean `--train metro`?"),

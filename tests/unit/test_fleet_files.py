@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 from pathlib import Path
 
@@ -15,6 +16,7 @@ from milepost.config.shipped_files import find_file, names_in
 from milepost.config.train import load_train
 from milepost.config.yaml_files import ConfigError
 from milepost.runtime.process import ProcessOptions
+from milepost.runtime.together.jobs import together_jobs
 from milepost.runtime.train_jobs import checked_world, train_jobs
 
 GUIDE = Path("deploy/fleets/README.md").read_text(encoding="utf-8")
@@ -106,3 +108,36 @@ def test_two_trains_of_one_name_are_refused_with_both_files() -> None:
     metro = find_file(Path("metro"), "trains")
     with pytest.raises(ConfigError, match=r"up: --train: .*metro.yaml and .*metro.yaml are both called metro-1"):
         load_together([metro, metro])
+
+
+def test_a_count_makes_so_many_trains_that_differ_in_name_and_seed(tmp_path: Path) -> None:
+    entry = {"train": "metro", "name": "tram", "count": 3, "change": {"world": {"seed": 5}}}
+    members = load_fleet(written(tmp_path, entry, {"train": "maglev", "count": 1}))
+    assert [member.train.name for member in members] == ["tram-1", "tram-2", "tram-3", "maglev-1-1"]
+    assert [member.train.file.world.seed for member in members[:3]] == [5, 6, 7]
+    # what is told to a process that cannot be forked makes the same train
+    assert load_train(members[2].train.path, members[2].change).file == members[2].train.file
+
+
+def test_names_that_a_count_makes_may_not_be_taken(tmp_path: Path) -> None:
+    path = written(tmp_path, {"train": "metro", "name": "tram-2"}, {"train": "metro", "name": "tram", "count": 2})
+    with pytest.raises(ConfigError, match=r"trains\.1\.name: trains.0 is called tram-2 too; names must differ"):
+        load_fleet(path)
+
+
+def test_trains_that_run_together_have_no_more_processes_than_there_are_cores() -> None:
+    members = load_fleet(find_file(Path("three-trains"), "fleets"))
+    jobs = list(together_jobs(members, ProcessOptions([]), (), several=True))
+    assert len(jobs) == min(3, len(os.sched_getaffinity(0)))
+    named = [name for job in jobs for name in job.train.split(", ")]
+    assert sorted(named) == ["airport-1", "metro-1", "metro-2"]
+
+
+def test_a_train_alone_that_cannot_be_forked_is_told_all_that_its_processes_are(tmp_path: Path) -> None:
+    (member,) = load_fleet(written(tmp_path, {"train": "maglev", "name": "airport-1", "external": ["radar"]}))
+    shared = ProcessOptions(["tcp/127.0.0.1:1"], duration_s=5.0, state_dir=tmp_path)
+    (job,) = together_jobs([member], shared, ("recorder",), several=True)
+    told = dict(zip(job.options[::2], job.options[1::2], strict=True))
+    assert (told["--duration"], told["--speed"], told["--await"], told["--external"]) == ("5.0", "1.0", "recorder", "radar")
+    assert (told["--state-dir"], json.loads(told["--change"])["train"]) == (str(tmp_path), "airport-1")
+    assert job.title == "milepost run together (airport-1)"

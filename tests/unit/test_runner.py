@@ -83,7 +83,8 @@ class Bench:
 
     def run(self, every_second: Callable[[int], None] | None = None, **options: Any) -> threading.Thread:
         runner = Runner("sensor-radar", self.node, self.bus, Clock(), **options)
-        self._thread = threading.Thread(target=runner.run, args=(every_second,), daemon=True)
+        runner.every_second = every_second
+        self._thread = threading.Thread(target=runner.run, daemon=True)
         self._thread.start()
         return self._thread
 

@@ -13,8 +13,9 @@ from milepost.runtime.zenoh_config import Connection
 
 if TYPE_CHECKING:
     from milepost.config.train import Train
+    from milepost.runtime.process import ProcessOptions
 
-RECORDER = "recorder"
+RECORDER, TOGETHER = "recorder", "together"
 
 
 @dataclass(frozen=True)
@@ -40,6 +41,7 @@ class RunOptions:
     awaits: tuple[str, ...]
     record: Path | None
     rotation: tuple[float, float, float]
+    external: tuple[str, ...] = ()
 
     def train(self) -> Train:
         """The train, with what is different from its file. Raises ConfigError."""
@@ -49,13 +51,15 @@ class RunOptions:
 
 
 def run_role(options: RunOptions) -> None:
-    """Run the router, the recorder or one process of a train. Raises ConfigError."""
+    """Run the router, the recorder, one process of a train or all of them in one. Raises ConfigError."""
     if options.parent is not None:
         end_with_parent(options.parent)
     if options.role == "router":
         _run_router(options)
     elif options.role == RECORDER:
         _run_recorder(options)
+    elif options.role == TOGETHER:
+        _run_together(options)
     else:
         _run_process(options)
 
@@ -82,21 +86,39 @@ def _run_recorder(options: RunOptions) -> None:
     run_recorder(options.train(), recorder)
 
 
+def _run_together(options: RunOptions) -> None:
+    from milepost.config.fleet_file import check_external
+    from milepost.runtime.together.aboard import Boarding
+    from milepost.runtime.together.process import run_together
+    from milepost.runtime.train_jobs import checked_world
+
+    train = options.train()
+    check_external(train, options.external, "run together", "--external")
+    world = checked_world(train, options.duration, options.external)
+    run_together([Boarding(train, world, options.duration, options.external, options.awaits)], _process_options(options))
+
+
 def _run_process(options: RunOptions) -> None:
     from milepost.config.mistakes import one_of
     from milepost.config.roles import ROLES
-    from milepost.runtime.process import ProcessOptions, run_process
+    from milepost.runtime.process import run_process
 
     role, unit = options.role, options.unit
     if role not in ROLES:
-        raise ConfigError("run", "ROLE", one_of(["router", RECORDER, *ROLES], role))
+        raise ConfigError("run", "ROLE", one_of(["router", RECORDER, TOGETHER, *ROLES], role))
     train = options.train()
     units = ROLES[role].instances(train)
     if not ROLES[role].per_unit:
         unit = unit or role
     if unit not in units:
         raise ConfigError("run", "UNIT", one_of(units, unit) if units else f"{options.train_file} has none with a {role}")
-    process = ProcessOptions(
+    run_process(train, role, unit, _process_options(options))
+
+
+def _process_options(options: RunOptions) -> ProcessOptions:
+    from milepost.runtime.process import ProcessOptions
+
+    return ProcessOptions(
         connection=options.connection,
         speed=options.speed,
         duration_s=options.duration,
@@ -105,4 +127,3 @@ def _run_process(options: RunOptions) -> None:
         awaits=options.awaits,
         change=options.change,
     )
-    run_process(train, role, unit, process)

@@ -14,7 +14,10 @@ from .options import DEFAULT_TRAIN, ConnectOption, RecordOption, StateDirOption,
 
 
 def run(
-    role: Annotated[str, typer.Argument(help="One of router, world, sensor, filter, balise, fuser, voter, etcs, recorder.")],
+    role: Annotated[
+        str,
+        typer.Argument(help="One of router, world, sensor, filter, balise, fuser, voter, etcs, recorder, together."),
+    ],
     unit: Annotated[str, typer.Argument(help="The unit, for a sensor or a filter.")] = "",
     train: TrainOption = DEFAULT_TRAIN,
     connect: ConnectOption = [DEFAULT_ENDPOINT],  # noqa: B006
@@ -32,6 +35,9 @@ def run(
     state_dir: StateDirOption = None,
     change: Annotated[str | None, typer.Option("--change", hidden=True)] = None,
     awaits: Annotated[list[str], typer.Option("--await", hidden=True)] = [],  # noqa: B006
+    external: Annotated[
+        list[str], typer.Option("--external", help="Together only: unit whose sensor is a program of your own. Repeatable.")
+    ] = [],  # noqa: B006
     record: RecordOption = None,
     rotate_mib: Annotated[
         float, typer.Option("--rotate-mib", min=1.0, help="Recorder only: begin a new file at this size.")
@@ -46,7 +52,7 @@ def run(
         ),
     ] = 1024.0,
 ) -> None:
-    """Run one process of a train, as compose.yaml does."""
+    """Run one process of a train, as compose.yaml does, or (`together`) all of them in one."""
     from .run import RunOptions, run_role
 
     rotation = (rotate_mib, rotate_min, least_free_mib)
@@ -66,5 +72,6 @@ def run(
         tuple(awaits),
         record,
         rotation,
+        tuple(external),
     )
     run_role(options)

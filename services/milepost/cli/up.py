@@ -7,22 +7,22 @@ first process is forked from this one.
 from __future__ import annotations
 
 import contextlib
-import json
 import os
 import signal
 import sys
 import time
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
-from pathlib import Path
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from milepost.config.errors import ConfigError
-from milepost.runtime.launch import ONE_THREAD, Job, share_what_is_loaded
+from milepost.runtime.launch import share_what_is_loaded
 from milepost.runtime.stop_signals import StopSignals
 from milepost.runtime.supervisor import Child, Supervisor
 
+from .crews.crew import Crew, load_crews
+from .crews.options import UpOptions
 from .endpoint import port_is_free
 from .joining import may_join
 from .proc import age_s, proportional_mib
@@ -31,61 +31,11 @@ from .say import say
 from .up_output import completed, scratch, telling
 
 if TYPE_CHECKING:
-    from milepost.config.fleet_file import Member
-    from milepost.runtime.process import ProcessOptions
-
-    from .showing.display import Mode
+    pass
 
 LOOK_EVERY_S = 0.2
 MEASURE_MEMORY_EVERY_S = 2.0
-# the configuration file of a process's session, by its name
-Files = Callable[[str], Path]
 MEASURING = ("sentinel", "observer")
-
-
-@dataclass(frozen=True)
-class UpOptions:
-    """The command line of `milepost up`. `connect`: the routers to join, instead of those on `listen`."""
-
-    train_files: list[Path]
-    fleet_file: Path | None
-    duration_s: float | None
-    speed: float
-    report: Path | None
-    headless: bool
-    listen: list[str]
-    connect: list[str]
-    state_dir: Path | None
-    secure: bool = False
-    record: Path | None = None
-    external: Sequence[str] = ()
-    feed_port: int | None = None
-
-    @property
-    def mode(self) -> Mode:
-        """How the trains are shown."""
-        if self.headless:
-            return "start"
-        return "table" if sys.stdout.isatty() else "lines"
-
-    @property
-    def endpoints(self) -> list[str]:
-        """Where the routers are."""
-        return self.connect or self.listen
-
-
-@dataclass(frozen=True)
-class Crew:
-    """The processes of one train, and when they are started, in seconds after the first ones.
-
-    `awaited`: the labels of all that are to come, those included that somebody else starts.
-    """
-
-    train: str
-    line: Path
-    jobs: list[Job]
-    start_after_s: float
-    awaited: list[str]
 
 
 def run_up(options: UpOptions) -> int:
@@ -94,12 +44,14 @@ def run_up(options: UpOptions) -> int:
     say(f"reading {', '.join(map(str, [*options.train_files, *([options.fleet_file] if options.fleet_file else [])]))}")
     with _nothing_to_end():
         options = _check(options)
-        crews, files = _load(options)
-        trains = [crew.train for crew in crews]
+        crews, files = load_crews(options)
+        trains = [train for crew in crews for train in crew.trains]
         if options.connect and (code := may_join(options.connect, trains)):
             return code
+    from milepost.runtime.train_jobs import in_short
+
     jobs = [job for crew in crews for job in crew.jobs]
-    say(f"starting {len(jobs) + len(options.listen)} processes of {', '.join(trains)}")
+    say(f"starting {len(jobs) + len(options.listen)} processes of {in_short(trains)}")
     if files is not None:
         say(f"tools connect with --zenoh-config {files('dispatch')}")
     if options.feed_port is not None:
@@ -122,7 +74,7 @@ def run_up(options: UpOptions) -> int:
             supervisor.start(shown, shown=True)
             for job in (
                 *measuring_jobs(observer, trains, options.report, folder / "stalls.jsonl"),
-                *feed_jobs(feed, options.feed_port, [crew.line for crew in crews]),
+                *feed_jobs(feed, options.feed_port, [line for crew in crews for line in crew.lines]),
             ):
                 supervisor.start(job)
             memory_mib = _watch(supervisor, crews, stop, tell, options.report is not None)
@@ -132,21 +84,6 @@ def run_up(options: UpOptions) -> int:
     for name, lines in supervisor.failures().items():
         say("\n".join([f"{name} failed; its last lines:", *lines]))
     return 0 if options.report is None or completed(options.report, began_ns, memory_mib) else 1
-
-
-def _crew(member: Member, shared: ProcessOptions, files: Files | None, record: Path | None, start_after_s: float) -> Crew:
-    from milepost.runtime.train_jobs import checked_world, train_jobs
-
-    from .recording.job import recorder_jobs
-
-    train, external = member.train, member.external
-    # it comes first, and scenario time waits for it: what is sent at the beginning is recorded too
-    recorder = list(recorder_jobs(train, record, shared, files))
-    shared = replace(shared, awaits=tuple(job.name for job in recorder))
-    jobs = [*recorder, *train_jobs(train, checked_world(train, shared.duration_s, external), shared, files, external)]
-    several = f"{train.name} " if shared.change is not None else ""
-    awaited = [*(job.label for job in jobs), *(f"{several}sensor-{unit}" for unit in external)]
-    return Crew(train.name, train.file.line, jobs, start_after_s, awaited)
 
 
 @contextlib.contextmanager
@@ -187,33 +124,6 @@ def _check(options: UpOptions) -> UpOptions:
     return options
 
 
-def _load(options: UpOptions) -> tuple[list[Crew], Files | None]:
-    """The processes of each train, in the order of their start, and the session files of a secure one, by name.
-
-    Everything that they need is imported here, once. Raises ConfigError.
-    """
-    os.environ.update(ONE_THREAD)
-    from milepost.config.fleet_file import load_fleet, load_together
-    from milepost.runtime.process import ProcessOptions
-
-    members = (
-        load_together(options.train_files, options.external) if options.fleet_file is None else load_fleet(options.fleet_file)
-    )
-    files = None
-    if options.secure:
-        from milepost.security.bundle import certified
-
-        files = certified(members[0].train, options.state_dir, options.listen)
-    first_s = min(member.start_after_s for member in members)
-    process = ProcessOptions(options.endpoints, options.speed, options.duration_s, os.getpid(), options.state_dir)
-    crews = []
-    for member in sorted(members, key=lambda member: member.start_after_s):
-        # one train alone, as its file says, needs no name beside those of its processes
-        shared = replace(process, change=json.dumps(member.change)) if len(members) > 1 or member.change else process
-        crews.append(_crew(member, shared, files, options.record, (member.start_after_s - first_s) / options.speed))
-    return crews, files
-
-
 def _watch(
     supervisor: Supervisor, crews: Sequence[Crew], stop: StopSignals, tell: Callable[[str], None], measure: bool
 ) -> float:
@@ -227,7 +137,7 @@ def _watch(
     while True:
         while later and time.monotonic() >= begun + later[0].start_after_s:
             if later[0].start_after_s:
-                tell(f"starting {later[0].train}")
+                tell(f"starting {later[0].called}")
             started = [supervisor.start(job) for job in later.popleft().jobs]
             # a recorder records until the end, which it does not delay
             crew += [child for child in started if child.name != RECORDER]

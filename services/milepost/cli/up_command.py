@@ -74,9 +74,18 @@ def up(
         ),
     ] = False,
     record: RecordOption = None,
+    together: Annotated[
+        bool,
+        typer.Option(
+            "--together",
+            help="Run whole trains in one process on one session, several in a process for each core: for small computers "
+            "and fleets.",
+        ),
+    ] = False,
 ) -> None:
     """Start trains and show them: a router, and one process for each sensor, each filter, the fuser and the balise service."""
-    from .up import UpOptions, run_up
+    from .crews.options import UpOptions
+    from .up import run_up
 
     if fleet is not None and train:
         raise ConfigError("up", "--fleet", "names its trains itself; leave out --train")
@@ -86,6 +95,8 @@ def up(
         raise ConfigError("up", "--connect", "joins a router that runs; leave out --listen")
     if secure and (connect or fleet is not None or len(train) > 1):
         raise ConfigError("up", "--secure", "is for one train with a router of its own: others would need its authority")
+    if together and secure:
+        raise ConfigError("up", "--together", "is one session for a whole train; with --secure each process has its own")
     trains = [find_file(each, "trains") for each in train or ([] if fleet is not None else [DEFAULT_TRAIN])]
     options = UpOptions(
         train_files=trains,
@@ -101,5 +112,6 @@ def up(
         external=external,
         record=record,
         feed_port=feed,
+        together=together,
     )
     raise typer.Exit(run_up(options))

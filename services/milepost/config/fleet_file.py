@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any
@@ -36,7 +36,8 @@ class MemberFile(BaseModel):
     """One train of a fleet: a train file, and what is different from it.
 
     `name`: in keys, instead of the train file's. `start_after_s` of scenario time after the first one. `change`: laid over the
-    train file, as in a scenario. `external`: units whose sensors are programs of your own.
+    train file, as in a scenario. `external`: units whose sensors are programs of your own. `count`: so many trains of this
+    kind, `name-1`, `name-2` and so on; the seeds of their worlds are that of the train file and those after it.
     """
 
     model_config = STRICT
@@ -46,12 +47,21 @@ class MemberFile(BaseModel):
     start_after_s: Annotated[float, Field(ge=0.0, le=86400.0)] = 0.0
     change: dict[str, Any] = Field(default_factory=dict)
     external: list[Name] = Field(default_factory=list)
+    count: Annotated[int, Field(ge=1, le=10_000)] | None = None
 
-    @property
-    def whole_change(self) -> dict[str, Any]:
-        """All that is different from the train file."""
+    def changes(self) -> Iterator[dict[str, Any]]:
+        """For each train, all that is different from its file. Raises ConfigError."""
         own = {"train": self.name, "line": None if self.line is None else str(self.line)}
-        return merged(self.change, {key: value for key, value in own.items() if value is not None})
+        change = merged(self.change, {key: value for key, value in own.items() if value is not None})
+        if self.count is None:
+            yield change
+            return
+        like = load_train(self.train, change)
+        for number in range(self.count):
+            each = merged(change, {"train": f"{like.name}-{number + 1}"})
+            if like.file.world is not None:
+                each = merged(each, {"world": {"seed": like.file.world.seed + number}})
+            yield each
 
 
 class FleetFile(BaseModel):
@@ -75,15 +85,15 @@ class Member:
 
 def load_fleet(path: Path) -> list[Member]:
     """The trains of a fleet file. Raises ConfigError, also for two of one name."""
-    file, out = validate(path, read_yaml(path), FleetFile), list[Member]()
+    file, out, named = validate(path, read_yaml(path), FleetFile), list[Member](), dict[str, int]()
     for number, entry in enumerate(file.trains):
-        train = _changed(path, number, entry)
-        check_external(train, entry.external, path, f"trains.{number}.external")
-        out.append(Member(train, entry.start_after_s, entry.whole_change, entry.external))
-        for other, before in enumerate(out[:-1]):
-            if before.train.name == out[-1].train.name:
-                text = f"trains.{other} is called {before.train.name} too; names must differ"
+        for train, change in _trains(path, number, entry):
+            check_external(train, entry.external, path, f"trains.{number}.external")
+            if train.name in named:
+                text = f"trains.{named[train.name]} is called {train.name} too; names must differ"
                 raise ConfigError(path, f"trains.{number}.name", text)
+            named[train.name] = number
+            out.append(Member(train, entry.start_after_s, change, entry.external))
     return out
 
 
@@ -107,9 +117,10 @@ def check_external(train: Train, external: Sequence[str], file: Path | str, plac
             raise ConfigError(file, place, must_be_one_of(train.sensors, unit))
 
 
-def _changed(path: Path, number: int, entry: MemberFile) -> Train:
+def _trains(path: Path, number: int, entry: MemberFile) -> Iterator[tuple[Train, dict[str, Any]]]:
     try:
-        return load_train(entry.train, entry.whole_change)
+        for change in entry.changes():
+            yield load_train(entry.train, change), change
     except ConfigError as error:
         # without an error here the train is valid by itself, and the mistake is in the fleet file
         load_train(entry.train)

@@ -35,7 +35,10 @@ class TooManyKeys(ValueError):
 
 
 class RecordingFile:
-    """A new file. What was added before the last `flush` can be read whatever happens to the process afterwards."""
+    """A new file. What was added before the last `flush` can be read whatever happens to the process afterwards.
+
+    What was there at the last `sync` is there whatever happens to the machine.
+    """
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -66,10 +69,19 @@ class RecordingFile:
         self.unflushed += 1
 
     def flush(self) -> None:
-        """Finish the chunk, and have the disk take it. Raises OSError."""
-        self._writer.flush()
+        """Finish the chunk, and hand it to the system. Raises OSError."""
+        self._hand_over()
+        self.unflushed, self._kept = 0, True
+
+    def sync(self) -> None:
+        """The same, and wait until the disk has taken it. Raises OSError."""
+        self._hand_over()
         os.fdatasync(self._file.fileno())
         self.unflushed, self._kept = 0, True
+
+    def _hand_over(self) -> None:
+        self._writer.flush()
+        self._file.flush()
 
     def close(self) -> None:
         """Finish the file with its index. Raises OSError."""

@@ -103,12 +103,12 @@ class Recorder:
         if head.instance is not None:
             self.gaps.note((message.key, head.instance), head.sequence)
 
-    def check(self, now_ns: int) -> None:
-        """Have the disk take what came; begin the next file where it is time; stop and go on as there is room."""
+    def check(self, now_ns: int, sync: bool = True) -> None:
+        """Have the system, and with `sync` the disk, take what came; begin the next file; stop and go on as there is room."""
         if self._file is None:
             self._go_on(now_ns)
             return
-        if not self._write(RecordingFile.flush, now_ns) or self._too_little_room(1.0, now_ns):
+        if not self._write(RecordingFile.sync if sync else RecordingFile.flush, now_ns) or self._too_little_room(1.0, now_ns):
             return
         if self._full is not None:  # the disk has taken something again
             self._full = None

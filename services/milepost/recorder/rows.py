@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import NamedTuple
 
 from milepost_schemas import ROOT, STREAMS, Stream
@@ -31,6 +32,8 @@ def rows_of(path: str) -> list[Stream]:
     return [row for row in STREAMS if row.key.format(unit=last) == path]
 
 
+# a fleet has some thousand keys, and a message of each every second
+@lru_cache(maxsize=16384)
 def row_of(key: str, encoding: str) -> Stream | None:
     """The row of a message by its key and encoding; None where it is none, or nothing tells which of several."""
     place = place_of(key)

@@ -8,7 +8,7 @@ import logging
 import queue
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, TypeVar
@@ -16,9 +16,9 @@ from typing import Any, TypeVar
 import zenoh
 import zenoh.ext
 
-from milepost_schemas import BY_NAME, Message, Part, Refused, Stream, alive_key, decode, encode, from_fields, rpc_key, unpack
+from milepost_schemas import BY_NAME, Message, Part, Refused, Stream, alive_key, decode, encode, rpc_key
 
-from .flood import Gate, Waiting
+from .flood import Waiting
 from .instances import Token, token_of
 from .reach import HOW_TO_START, advice
 from .subscribing import subscriber
@@ -115,12 +115,17 @@ def _first_line(error: Exception) -> str:
 
 
 class ZenohBus:
-    """One process's side of the bus. Callbacks only enqueue: a slow one would stop all keys of the session."""
+    """One process's side of the bus. Callbacks only enqueue: a slow one would stop all keys of the session.
 
-    def __init__(self, session: Any, train: str) -> None:
+    `shared`: many share the session. Then the thread that brings something enqueues it (from the same session the sender's), as
+    a thread for each subscriber would only cost; and what goes out at once goes in one packet, as the queue takes few.
+    """
+
+    def __init__(self, session: Any, train: str, inbox: Inbox | None = None, shared: bool = False) -> None:
         self.session = session
         self.train = train
-        self.inbox: Inbox = queue.SimpleQueue()
+        self.inbox: Inbox = queue.SimpleQueue() if inbox is None else inbox
+        self._shared = shared
         self.waiting = Waiting()
         self._publishers: dict[tuple[str, str], Any] = {}
         self._newest: list[tuple[Stream, Any]] = []
@@ -136,7 +141,10 @@ class ZenohBus:
             if enters(key):
                 put(Received(stream, sample, now(), key))
 
-        self._kept.append(subscriber(self.session, stream, stream.key_for(self.train, unit), receive))
+        self._kept.append(subscriber(self.session, stream, stream.key_for(self.train, unit), self._callback(receive)))
+
+    def _callback(self, receive: Callable[[Any], None]) -> Any:
+        return zenoh.handlers.Callback(receive, indirect=False) if self._shared else receive
 
     def subscribe_to_newest(self, stream_name: str, unit: str = "*") -> None:
         """Keep the newest message of a stream until it is asked for; older ones are overwritten, and nobody is woken."""
@@ -160,7 +168,7 @@ class ZenohBus:
         def changed(sample: Any) -> None:
             self.inbox.put(AliveChange(token_of(sample.key_expr), sample.kind == zenoh.SampleKind.PUT))
 
-        watch = self.session.liveliness().declare_subscriber(alive_key(self.train), changed, history=True)
+        watch = self.session.liveliness().declare_subscriber(alive_key(self.train), self._callback(changed), history=True)
         self._kept.append(watch)
         return watch
 
@@ -174,7 +182,7 @@ class ZenohBus:
         def asked(query: Any) -> None:
             self.inbox.put(Question(procedure, query))
 
-        self._kept.append(self.session.declare_queryable(rpc_key(self.train, procedure, unit), asked))
+        self._kept.append(self.session.declare_queryable(rpc_key(self.train, procedure, unit), self._callback(asked)))
 
     def publish(self, stream_name: str, unit: str, message: Message) -> None:
         """Send a message on its stream's key. Never blocks: what cannot be sent is dropped, and sequence numbers show it."""
@@ -183,13 +191,20 @@ class ZenohBus:
             publisher = self._publishers[(stream_name, unit)] = self._declare(BY_NAME[stream_name], unit)
         publisher.put(encode(message))
 
+    def leave(self) -> None:
+        """Undeclare all, the token first, as the end of a session does."""
+        for each in [*reversed(self._kept), *(ring for _, ring in self._newest), *self._publishers.values()]:
+            with contextlib.suppress(zenoh.ZError):  # it is undeclared already
+                each.undeclare()
+        self._kept, self._newest, self._publishers = [], [], {}
+
     def _declare(self, stream: Stream, unit: str) -> Any:
         key = stream.key_for(self.train, unit)
         quality: dict[str, Any] = {
             "encoding": zenoh.Encoding("application/msgpack").with_schema(f"{stream.message.SCHEMA}/{stream.message.VERSION}"),
             "congestion_control": zenoh.CongestionControl.DROP,
             "priority": PRIORITIES[stream.priority],
-            "express": True,
+            "express": not self._shared,
         }
         if not stream.cached:
             return self.session.declare_publisher(key, **quality)
@@ -218,26 +233,3 @@ class ZenohBus:
             with contextlib.suppress(Refused):
                 answers.append((str(reply.ok.key_expr).rpartition("/")[2], decode(reply.ok.payload.to_bytes(), schema)))
         return answers
-
-
-def open_message(received: Received, train: str, gate: Gate, now_ns: int) -> Message:
-    """The message in a sample. Raises Refused for a wildcard key, a foreign schema, or a head that contradicts the key.
-
-    `gate` refuses first, and at little cost, what comes too often.
-    """
-    stream, sample, key = received.stream, received.sample, received.key
-    if "*" in key:
-        raise Refused("wildcard_key", f"put on {key}")
-    encoding = str(sample.encoding)
-    if encoding.startswith("application/msgpack;") and encoding != stream.message.encoding():
-        raise Refused("other_schema", f"{key}: {encoding}, expected {stream.message.encoding()}")
-    payload = sample.payload.to_bytes()
-    gate.refuse_repeated(key, payload)
-    fields = unpack(payload)
-    gate.pass_through(stream.name, key, payload, fields, now_ns)
-    message: Message = from_fields(fields, stream.message)
-    if message.train != train:
-        raise Refused("other_train", f"{key}: says train {message.train}")
-    if stream.key.endswith("{unit}") and not key.endswith(f"/{message.unit}"):
-        raise Refused("other_unit", f"{key}: says unit {message.unit}")
-    return message

@@ -28,3 +28,7 @@ class Clock:
     def wait_s(self, until_ns: int) -> float:
         """How long to sleep, in seconds of wall clock, until a time; 0 if it is past."""
         return max(0.0, (until_ns - self.now_ns()) * 1e-9 / self._speed)
+
+    def utc_ns(self, at_ns: int) -> int:
+        """The wall-clock time at a time."""
+        return at_ns if self._speed == 1.0 else self._start_ns + round((at_ns - self._start_ns) / self._speed)

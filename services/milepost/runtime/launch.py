@@ -156,4 +156,6 @@ def spawned(job: Job, output: int | None) -> int:
     return process.pid
 
 
-launch: Launch = forked if sys.platform == "linux" else spawned
+# whether a job is a fork, which does what no command could say
+FORKS = sys.platform == "linux"
+launch: Launch = forked if FORKS else spawned

@@ -2,23 +2,24 @@
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import os
 import queue
 import time
 from collections.abc import Callable, Iterable, Mapping
-from typing import Any
 
 from milepost.nodes.base import Node, Output
 from milepost_schemas import Health, Refused, encode, rpc_key
 
-from .bus import AliveChange, Question, Received, Stop, ZenohBus, open_message
+from .bus import AliveChange, Question, Received, Stop, ZenohBus
 from .catching_up.asking import SNAPSHOT
 from .catching_up.handing_over import HandingOver
 from .clock import Clock
 from .flood import MOST_WAITING, Gate
 from .instances import Change, Instances
 from .meter import Meter
+from .opening import open_message
 
 HEALTH_NS = 1_000_000_000
 log = logging.getLogger("milepost")
@@ -32,9 +33,9 @@ def second_instance(node: Node, change: Change, now_ns: int) -> Output:
 
 
 class Runner:
-    """The loop of a process. `name` is the process's; `parent` ends it when that process is no longer its parent.
+    """The loop of a process. `name` is the process's; `parent` ends it when that process is no longer its parent (`orphaned`).
 
-    `expected_hz` are the rates of its streams as the train file sets them.
+    `expected_hz` are the rates of its streams as the train file sets them. `every_second`: done once a second.
     """
 
     def __init__(
@@ -59,39 +60,53 @@ class Runner:
         self._health_sequence = 0
         self._instances = Instances()
         self._handing_over = HandingOver(bus, node, name)
+        self.every_second: Callable[[int], None] | None = None
+        self._tick_ns: int | None = None
+        self._ended = self.orphaned = False
 
-    def run(self, every_second: Callable[[int], None] | None = None) -> bool:
-        """Until stopped, finished, or the simulation's end; whether it was stopped. `every_second`: done once a second."""
-        node, inbox, clock = self._node, self._bus.inbox, self._clock
-        while not node.finished:
-            tick_ns = node.next_tick_ns()
-            wake_ns = self._health_ns if tick_ns is None else min(tick_ns, self._health_ns)
-            item: Any = None
-            try:
-                item = inbox.get(timeout=0.0 if self._handing_over.busy else clock.wait_s(wake_ns))
-            except queue.Empty:
-                now_ns = clock.now_ns()
-            else:
-                if isinstance(item, Stop):
-                    return True
-                now_ns = clock.at(item.at_utc_ns) if isinstance(item, Received) else clock.now_ns()
-            begun, handing_over = time.perf_counter(), self._handing_over.busy
+    @property
+    def over(self) -> bool:
+        """Whether it has nothing more to do: its node has finished, or the simulation has ended."""
+        return self._ended or self._node.finished
+
+    def run(self) -> bool:
+        """Until stopped, finished, or the simulation's end; whether it was stopped."""
+        inbox, clock = self._bus.inbox, self._clock
+        while not self.over and not self.orphaned:
+            wake_ns, item = self.wake_ns(), None
+            with contextlib.suppress(queue.Empty):
+                item = inbox.get(timeout=clock.wait_s(wake_ns))
+            if isinstance(item, Stop):
+                return True
+            self.turn(item)
+        return self.orphaned
+
+    def wake_ns(self) -> int:
+        """When the next turn is due, if nothing comes before; ask after every turn."""
+        self._tick_ns = self._node.next_tick_ns()
+        if self._handing_over.busy:
+            return self._clock.now_ns()
+        return self._health_ns if self._tick_ns is None else min(self._tick_ns, self._health_ns)
+
+    def turn(self, item: Received | AliveChange | Question | None) -> None:
+        """Take what has come, if anything, and do what is due. What the node raises is told as an event, and raised."""
+        now_ns = self._clock.at(item.at_utc_ns) if isinstance(item, Received) else self._clock.now_ns()
+        begun, handing_over, tick_ns = time.perf_counter(), self._handing_over.busy, self._tick_ns
+        try:
             if item is not None:
                 self._take(item, now_ns)
             if tick_ns is not None and now_ns >= tick_ns:
-                self._send(node.tick(now_ns))
+                self._send(self._node.tick(now_ns))
             if handing_over:
                 self._handing_over.next()
-            self._meter.stepped(time.perf_counter() - begun)
-            if now_ns >= self._health_ns:
-                self._once_a_second(now_ns)
-                if every_second is not None:
-                    every_second(now_ns)
-                if self._parent_is_gone():
-                    return True
-            if self._end_ns is not None and now_ns >= self._end_ns:
-                break
-        return False
+        except Exception as error:
+            text = f"{self._name} ends: {type(error).__name__}: {error}"
+            self._send([self._node.event("error", "process_failed", text, now_ns)])
+            raise
+        self._meter.stepped(time.perf_counter() - begun)
+        if now_ns >= self._health_ns:
+            self._once_a_second(now_ns)
+        self._ended = self._end_ns is not None and now_ns >= self._end_ns
 
     def _take(self, item: Received | AliveChange | Question, now_ns: int) -> None:
         if isinstance(item, Received):
@@ -158,6 +173,9 @@ class Runner:
         self._health_sequence += 1
         self._bus.publish("health", self._name, health)
         self._send(second_instance(self._node, change, now_ns) for change in self._instances.changes(time.monotonic()))
+        if self.every_second is not None:
+            self.every_second(now_ns)
+        self.orphaned = self._parent_is_gone()
 
     def _parent_is_gone(self) -> bool:
         if self._parent is None or os.getppid() == self._parent:

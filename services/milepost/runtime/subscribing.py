@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import zenoh.ext
@@ -13,10 +12,11 @@ from milepost_schemas import Stream
 RECOVERY: Any = zenoh.ext.RecoveryConfig
 
 
-def subscriber(session: Any, stream: Stream, key: str, receive: Callable[[Any], None], paced_too: bool = False) -> Any:
+def subscriber(session: Any, stream: Stream, key: str, receive: Any, paced_too: bool = False) -> Any:
     """Call `receive` with every sample. Where its publishers remember, what an interruption lost is asked for again.
 
-    `paced_too`: also of streams that go on by themselves, where who listens only wants the newest.
+    `receive`: a function, or one of Zenoh's handlers. `paced_too`: also of streams that go on by themselves, where who listens
+    only wants the newest.
     """
     if stream.cached and (paced_too or stream.paced_by == "event"):
         recovery: Any = RECOVERY(heartbeat=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -19,6 +19,7 @@ from .process import ProcessOptions, run_process, run_router
 
 # who notices that others are gone
 TELLING = ("fuser", "voter")
+MOST_NAMED = 4
 
 
 def router_jobs(
@@ -67,7 +68,7 @@ def train_jobs(
         yield Job(
             process.name,
             ("run", process.role, *unit),
-            _command_options(train, process, options),
+            command_options(train, [process.role], options),
             partial(_exit_code, train, process.role, process.unit, options, world if role.uses_world else None),
             tells=process.role in TELLING,
             train="" if shared.change is None else train.name,
@@ -79,19 +80,25 @@ def _exit_code(*process: Any) -> int:
     return ASKED_TO_END if run_process(*process) else 0
 
 
+def in_short(trains: Sequence[str]) -> str:
+    """What trains are called for people: `metro-1, metro-2`, or `metro-1 and 99 others`."""
+    return ", ".join(trains) if len(trains) <= MOST_NAMED else f"{trains[0]} and {len(trains) - 1} others"
+
+
 def _own(processes: Sequence[Process], external: Sequence[str]) -> list[Process]:
     return [process for process in processes if process.role != "sensor" or process.unit not in external]
 
 
-def _command_options(train: Train, process: Process, options: ProcessOptions) -> tuple[str, ...]:
+def command_options(train: Train, roles: Collection[str], options: ProcessOptions) -> tuple[str, ...]:
+    """The options of a command that runs a train's processes of these roles."""
     out = ["--train", str(train.path), *zenoh_config.as_options(options.connection)]
     if options.parent is not None:
         out += ["--parent", str(options.parent)]
-    if process.role == "world":
+    if "world" in roles:
         out += ["--speed", str(options.speed), *(word for name in options.awaits for word in ("--await", name))]
-    if ROLES[process.role].uses_world and options.duration_s is not None:
+    if options.duration_s is not None and any(ROLES[role].uses_world for role in roles):
         out += ["--duration", str(options.duration_s)]
-    if process.role == "filter" and options.state_dir is not None:
+    if options.state_dir is not None and "filter" in roles:
         out += ["--state-dir", str(options.state_dir)]
     if options.change is not None:
         out += ["--change", options.change]

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import json
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
+from milepost.config.fleet_file import Member
 from milepost.config.train import Train
 from milepost.recorder.library import need_mcap
-from milepost.runtime.launch import Job
+from milepost.runtime.launch import FORKS, Job
 from milepost.runtime.process import ProcessOptions
+from milepost.runtime.train_jobs import in_short
 from milepost.runtime.zenoh_config import Connection, as_options
 
 
@@ -35,3 +39,23 @@ def recorder_jobs(
         options += ["--change", shared.change]
     body = partial(run_recorder, train, RecorderOptions(folder, connection, parent=os.getpid(), several=several))
     yield Job(NAME, ("run", NAME), tuple(options), body, train=train.name if several else "")
+
+
+def recorders_job(members: Sequence[Member], folder: Path | None, shared: ProcessOptions, several: bool) -> Iterator[Job]:
+    """One recorder for trains that run together, each train with files of its own. Raises ConfigError."""
+    if folder is None:
+        return
+    need_mcap("up --record")
+    from milepost.recorder.recorder import prepare
+    from milepost.runtime.recording.process import NAME, RecorderOptions, run_recorders
+
+    prepare(folder)
+    if len(members) == 1 or not FORKS:
+        for member in members:
+            own = replace(shared, change=json.dumps(member.change)) if several else shared
+            yield from recorder_jobs(member.train, folder, own, None)
+        return
+    trains = [member.train for member in members]
+    name = in_short([train.name for train in trains])
+    options = RecorderOptions(folder, shared.connection, parent=os.getpid(), several=True)
+    yield Job(NAME, ("run", NAME), (), partial(run_recorders, trains, options), train=name)

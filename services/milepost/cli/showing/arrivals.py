@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 Say = Callable[[str], None]
+# of more than so many processes only every tenth part is told
+MOST_NAMED = 100
 
 
 class Arrivals:
@@ -37,7 +39,11 @@ class Arrivals:
         if name not in self._missing:
             return
         self._missing.remove(name)
-        self._say(f"{name} is there ({self._count - len(self._missing)} of {self._count})")
+        there, whole = self._count - len(self._missing), self._count
+        if whole <= MOST_NAMED:
+            self._say(f"{name} is there ({there} of {whole})")
+        elif there * 10 // whole > (there - 1) * 10 // whole:
+            self._say(f"{there} of {whole} processes are there")
 
     def state(self, train: str) -> None:
         """A state came."""

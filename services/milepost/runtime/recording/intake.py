@@ -6,6 +6,8 @@ import queue
 import threading
 from typing import Any, NamedTuple
 
+from milepost.recorder.several import train_of
+
 MOST_BYTES = 64 << 20
 # one key must not take the room of all others
 MOST_OF_A_KEY_BYTES = MOST_BYTES // 4
@@ -26,27 +28,40 @@ class Waiting(NamedTuple):
 class Intake:
     """A queue between the network's threads, which never wait, and the thread that writes."""
 
-    def __init__(self, most_bytes: int = MOST_BYTES, most_of_a_key_bytes: int = MOST_OF_A_KEY_BYTES) -> None:
+    def __init__(
+        self, most_bytes: int = MOST_BYTES, most_of_a_key_bytes: int = MOST_OF_A_KEY_BYTES, most_keys: int = MOST_KEYS
+    ) -> None:
         self._most = most_bytes
         self._most_of_a_key = most_of_a_key_bytes
+        self._most_keys = most_keys
         self._queue: queue.SimpleQueue[Any] = queue.SimpleQueue()
         self._lock = threading.Lock()
         self._bytes = 0
         self._of_key: dict[str, int] = {}
-        self.lost = 0
+        self._lost: dict[str, int] = {}
 
     def put(self, key: str, at_ns: int, sample: Any) -> None:
         """A sample came; it waits, or is counted as lost where too much waits."""
         size = len(sample.payload) + EACH_BYTES
         with self._lock:
-            place = key if key in self._of_key or len(self._of_key) < MOST_KEYS else ""
+            place = key if key in self._of_key or len(self._of_key) < self._most_keys else ""
             of_key = self._of_key.get(place, 0) + size
             if self._bytes + size > self._most or of_key > self._most_of_a_key:
-                self.lost += 1
+                train = train_of(key)
+                self._lost[train] = self._lost.get(train, 0) + 1
                 return
             self._bytes += size
             self._of_key[place] = of_key
         self._queue.put(Waiting(key, at_ns, sample, size))
+
+    @property
+    def lost(self) -> int:
+        """How many samples found no room."""
+        return sum(list(self._lost.values()))
+
+    def lost_of(self, train: str) -> int:
+        """How many of a train's samples found no room."""
+        return self._lost.get(train, 0)
 
     def tell(self, command: Any) -> None:
         """Hand the writing thread something that is no sample; there is always room for it."""

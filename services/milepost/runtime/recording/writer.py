@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import queue
 import threading
 import time
@@ -12,10 +11,13 @@ from typing import Any
 from milepost.recorder.history import History
 from milepost.recorder.incoming import Incoming
 from milepost.recorder.recorder import Recorder
+from milepost.recorder.several import Several
 
 from .intake import Intake, Waiting
 
 FLUSH_EVERY_S = 0.5
+# what comes meanwhile is written at once: to be woken for each message costs more than to write it
+PAUSE_S = 0.02
 
 
 class WriterThread:
@@ -25,7 +27,11 @@ class WriterThread:
     """
 
     def __init__(
-        self, recorder: Recorder, intake: Intake, failed: Callable[[], None], histories: Mapping[str, History] | None = None
+        self,
+        recorder: Recorder | Several,
+        intake: Intake,
+        failed: Callable[[], None],
+        histories: Mapping[str, History] | None = None,
     ) -> None:
         self._recorder = recorder
         self._intake = intake
@@ -34,10 +40,6 @@ class WriterThread:
         self._error: Exception | None = None
         self._thread = threading.Thread(target=self._guarded, name="writer", daemon=True)
         self._thread.start()
-
-    def describe(self, name: str, facts: dict[str, str]) -> None:
-        """Write something about the recording."""
-        self._intake.tell(lambda: self._recorder.describe(name, facts, time.time_ns()))
 
     def end(self) -> None:
         """Write all that waits, finish the file; returns then. Raises what the thread died of."""
@@ -57,8 +59,10 @@ class WriterThread:
         recorder, due = self._recorder, time.monotonic() + FLUSH_EVERY_S
         while True:
             item: Any = ()
-            with contextlib.suppress(queue.Empty):
-                item = self._intake.get(due - time.monotonic())
+            try:
+                item = self._intake.get(0.0)
+            except queue.Empty:
+                time.sleep(PAUSE_S)
             if isinstance(item, Waiting):
                 self._take(item)
             elif item is None:

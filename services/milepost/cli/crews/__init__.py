@@ -1,0 +1,1 @@
+"""Which processes `milepost up` starts for its trains."""

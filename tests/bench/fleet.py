@@ -1,0 +1,233 @@
+"""What a fleet costs, and what is lost of it: `python -m tests.bench.fleet --trains 10 50 --for 60 --out fleet.json`."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import msgpack
+import numpy as np
+import psutil
+import yaml
+import zenoh
+
+from milepost.chaos.running import free_port, title_of
+from milepost.cli.proc import proportional_mib
+from milepost.config.shipped_files import find_file
+from milepost.recorder.reading import recordings_in
+from milepost.recorder.summary import Summary
+from milepost.runtime.zenoh_config import client
+
+FLEET = "two-hundred"
+# trains in shared processes; one process for each train; ten processes for each train
+MODES = ("together", "one-each", "apart")
+SETTLE_S = 8.0
+
+
+@dataclass
+class Outside:
+    """A plain subscriber to all states: by train, when the first one came; since `begin`, epochs, ages, what was amiss."""
+
+    first_s: dict[str, float] = field(default_factory=dict)
+    epochs: dict[str, list[int]] = field(default_factory=dict)
+    ages_ms: list[float] = field(default_factory=list)
+    awaiting: int = 0
+    statuses: Counter[str] = field(default_factory=Counter)
+    listening: bool = False
+    lock: threading.Lock = field(default_factory=threading.Lock)
+
+    def receive(self, sample: Any) -> None:
+        now_ns, state = time.time_ns(), msgpack.unpackb(sample.payload.to_bytes())
+        with self.lock:
+            self.first_s.setdefault(state["train"], time.monotonic())
+            if not self.listening:
+                return
+            self.epochs.setdefault(state["train"], []).append(state["epoch"])
+            self.ages_ms.append((now_ns - state["measured_at_ns"]) / 1e6)
+            self.awaiting += bool(state["awaiting"])
+            self.statuses[state["status"]] += 1
+
+    def figures(self, trains: int, hz: float, for_s: float) -> dict[str, Any]:
+        with self.lock:
+            seen = sum(map(len, self.epochs.values()))
+            missing = sum(max(e) - min(e) + 1 - len(set(e)) for e in self.epochs.values())
+            repeated = sum(len(e) - len(set(e)) for e in self.epochs.values())
+            ages = np.percentile(self.ages_ms, [50, 99, 100]) if self.ages_ms else [float("nan")] * 3
+        return {
+            "trains_seen": len(self.epochs),
+            "states_per_s": seen / for_s,
+            "expected_per_s": trains * hz,
+            "epochs_missing": missing,
+            "epochs_repeated": repeated,
+            "states_awaiting": self.awaiting,
+            "statuses": dict(self.statuses),
+            **{f"age_{name}_ms": float(age) for name, age in zip(("p50", "p99", "max"), ages, strict=True)},
+        }
+
+
+def fleet_file(folder: Path, trains: int, hz: float, mode: str) -> Path:
+    """The shipped fleet with another number of trains and other rates."""
+    source = find_file(Path(FLEET), "fleets")
+    fleet = yaml.safe_load(source.read_text(encoding="utf-8"))
+    (entry,) = fleet["trains"]
+    entry["count"] = trains
+    entry["change"]["fusion"] = {"period_ms": round(1000 / hz), "deadline_ms": 600.0 / hz}
+    for unit in entry["change"]["units"].values():
+        unit["rate_hz"] = hz
+    if mode == "one-each":  # trains that do not start at the same time do not share a process
+        name = entry.pop("name")
+        del entry["count"]
+        fleet["trains"] = [
+            {
+                **entry,
+                "name": f"{name}-{n + 1}",
+                "start_after_s": n * 1e-3,
+                "change": {**entry["change"], "world": {"seed": n + 1}},
+            }
+            for n in range(trains)
+        ]
+    path = folder / "fleet.yaml"
+    path.write_text(yaml.safe_dump(fleet), encoding="utf-8")
+    return path
+
+
+@contextmanager
+def running(fleet: Path, endpoint: str, mode: str, record: Path | None, log: Path) -> Iterator[subprocess.Popen]:
+    words = ["up", "--headless", "--fleet", str(fleet), "--listen", endpoint]
+    words += ["--together"] if mode != "apart" else []
+    words += ["--record", str(record)] if record is not None else []
+    with log.open("wb") as errors:
+        up = subprocess.Popen([sys.executable, "-m", "milepost", *words], stderr=errors, stdout=errors)
+        try:
+            yield up
+        finally:
+            up.send_signal(signal.SIGINT)
+            up.wait(60.0)
+
+
+def kinds(pid: int) -> dict[str, list[int]]:
+    """The processes of `up` by what they are: `together`, `recorder`, `router`, others."""
+    found: dict[str, list[int]] = {"up": [pid]}
+    for child in psutil.Process(pid).children(recursive=True):
+        words = title_of(child.pid).split()
+        found.setdefault(words[2] if words[1:2] == ["run"] else "display", []).append(child.pid)
+    return found
+
+
+def busy_s(pids: Sequence[int]) -> float:
+    return sum(sum(psutil.Process(pid).cpu_times()[:2]) for pid in pids)
+
+
+def measure_fleet(trains: int, hz: float, for_s: float, mode: str, record: bool, start_s: float) -> dict[str, Any]:
+    """All figures of one fleet. What it recorded is counted, and deleted."""
+    with tempfile.TemporaryDirectory(prefix="milepost-bench-") as name:
+        folder, endpoint = Path(name), f"tcp/127.0.0.1:{free_port()}"
+        recording = folder / "recording" if record else None
+        fleet, outside = fleet_file(folder, trains, hz, mode), Outside()
+        begun = time.monotonic()
+        with (
+            running(fleet, endpoint, mode, recording, folder / "log") as up,
+            zenoh.open(zenoh.Config.from_json5(json.dumps(client([endpoint])))) as session,
+        ):
+            kept = session.declare_subscriber("milepost/v1/*/state", outside.receive)
+            while len(outside.first_s) < trains and time.monotonic() < begun + start_s and up.poll() is None:
+                time.sleep(0.2)
+            time.sleep(SETTLE_S)
+            before, idle = {kind: busy_s(pids) for kind, pids in kinds(up.pid).items()}, psutil.cpu_times()
+            outside.listening, since = True, time.monotonic()
+            time.sleep(for_s)
+            outside.listening, spent_s = False, time.monotonic() - since
+            after, machine = kinds(up.pid), psutil.cpu_times()
+            cores = {kind: (busy_s(pids) - before.get(kind, 0.0)) / spent_s for kind, pids in after.items()}
+            memory = {kind: proportional_mib(pids) for kind, pids in after.items()}
+            del kept
+        first = sorted(at - begun for at in outside.first_s.values())
+        total, mib = sum(cores.values()), sum(memory.values())
+        busy = 1.0 - (machine.idle - idle.idle) / (spent_s * (os.cpu_count() or 1))
+        return {
+            "trains": trains,
+            "hz": hz,
+            "mode": mode,
+            "for_s": spent_s,
+            "first_state_s": first[0] if first else None,
+            "all_states_s": first[-1] if len(first) == trains else None,
+            **outside.figures(trains, hz, spent_s),
+            "cores": cores,
+            "cores_total": total,
+            "ms_per_train_s": 1e3 * total / trains,
+            "memory_pss_mib": memory,
+            "memory_total_mib": mib,
+            "mib_per_train": mib / trains,
+            "machine_busy": busy,
+            **({} if recording is None else recorded(recording)),
+            "restarts": (folder / "log").read_text(errors="replace").count(" restarted"),
+        }
+
+
+def recorded(folder: Path) -> dict[str, float]:
+    """What the recorder wrote, and what is missing between the first and the last message of each sender."""
+    messages = missing = size = 0
+    for path in recordings_in(folder):  # one after the other: all at once would be more senders than are followed
+        found = Summary().read([path])
+        messages += sum(tally.messages for tally in found.streams.values())
+        missing += sum(run.missing for run in found.senders.values())
+        size += path.stat().st_size
+    return {"recorded": messages, "recorder_missing": missing, "recorded_mib": size / 2**20}
+
+
+def text(found: dict[str, Any]) -> str:
+    cores = ", ".join(f"{kind} {value:.2f}" for kind, value in sorted(found["cores"].items(), key=lambda each: -each[1]))
+    start = found["all_states_s"]
+    said = [
+        f"{found['trains']} trains at {found['hz']:g} Hz, {found['mode']}: {found['cores_total']:.2f} cores ({cores})",
+        f"{found['ms_per_train_s']:.1f} ms a train and second",
+        f"{found['memory_total_mib']:.0f} MiB, {found['mib_per_train']:.1f} a train",
+        f"{found['states_per_s']:.0f} of {found['expected_per_s']:.0f} states/s outside",
+        f"{found['epochs_missing']} epochs missing",
+        f"{found['states_awaiting']} states awaiting, age {found['age_p50_ms']:.0f} ms, 99 % {found['age_p99_ms']:.0f} ms",
+        f"all trains speak after {'never' if start is None else f'{start:.1f} s'}",
+        f"machine {found['machine_busy']:.0%} busy",
+    ]
+    if "recorded" in found:
+        said.append(f"{found['recorder_missing']} of {found['recorded']} messages missing in the recording")
+    return "; ".join(said)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(prog="python -m tests.bench.fleet", description=__doc__)
+    parser.add_argument("--trains", type=int, nargs="+", default=[10, 50, 100, 200])
+    parser.add_argument(
+        "--hz", type=float, nargs="+", default=[10.0], help="states a second, and readings of each speed sensor"
+    )
+    parser.add_argument("--mode", nargs="+", choices=MODES, default=["together"])
+    parser.add_argument("--for", type=float, default=60.0, dest="for_s", help="seconds")
+    parser.add_argument("--no-record", action="store_true", help="without a recorder")
+    parser.add_argument("--start", type=float, default=180.0, help="seconds to wait for all trains")
+    parser.add_argument("--out", type=Path, help="write JSON to this file, after each fleet")
+    options = parser.parse_args()
+    found = []
+    for mode in options.mode:
+        for hz in options.hz:
+            for trains in options.trains:
+                each = measure_fleet(trains, hz, options.for_s, mode, not options.no_record, options.start)
+                print(text(each), flush=True)
+                found.append(each)
+                if options.out is not None:
+                    options.out.write_text(json.dumps(found, indent=2) + "\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
