@@ -66,6 +66,10 @@ def up(
             "--feed", min=1, max=65535, help="Serve metrics, vehicle positions and GeoJSON on this port of this machine."
         ),
     ] = None,
+    page: Annotated[
+        int | None,
+        typer.Option("--page", min=1, max=65535, help="Serve the dispatch page on this port of this machine."),
+    ] = None,
     secure: Annotated[
         bool,
         typer.Option(
@@ -76,6 +80,7 @@ def up(
     record: RecordOption = None,
 ) -> None:
     """Start trains and show them: a router, and one process for each sensor, each filter, the fuser and the balise service."""
+    from .machines.web_servers import WebPorts
     from .up import UpOptions, run_up
 
     if fleet is not None and train:
@@ -100,6 +105,6 @@ def up(
         secure=secure,
         external=external,
         record=record,
-        feed_port=feed,
+        web=WebPorts(feed, page),
     )
     raise typer.Exit(run_up(options))
