@@ -1,8 +1,9 @@
-"""Draw the pictures of the README: `make pictures`. The table is a live run's, the plot that of `milepost evaluate`."""
+"""Draw the pictures of the documents: `make pictures`. Table and page are live runs', the plot that of `milepost evaluate`."""
 
 from __future__ import annotations
 
 import io
+import shutil
 import signal
 import socket
 import subprocess
@@ -22,6 +23,13 @@ SCENARIO = "odometer-radar"
 RUN_S = 77.0
 COLUMNS = 100
 COLOURS = 32
+# by name: width and height of the screen, and whether it is dark
+SCREENS = {
+    "light": (1280, 800, False),
+    "dark": (1280, 800, True),
+    "360": (360, 740, False),
+    "wide": (2560, 1440, True),
+}
 
 # rich's own template without its web fonts: the picture loads nothing from elsewhere
 SVG = """\
@@ -95,7 +103,43 @@ def draw_plot(path: Path) -> None:
         image.convert("RGB").quantize(COLOURS, dither=Image.Dither.NONE).save(path, optimize=True)
 
 
+def draw_page(folder: Path) -> None:
+    """Draw the dispatch page of two trains, `RUN_S` after the first state; needs chromium and the extra `browser`."""
+    from playwright.sync_api import sync_playwright
+
+    port, web = free_port(), free_port()
+    up = [sys.executable, "-m", "milepost", "up", "--headless", "--train", "full", "--train", "metro", "--page", str(web)]
+    process = subprocess.Popen([*up, "--listen", f"tcp/127.0.0.1:{port}"], stderr=subprocess.DEVNULL)
+    try:
+        wait_for(web)
+        with sync_playwright() as tool:
+            browser = tool.chromium.launch(executable_path=shutil.which("chromium"), args=["--no-sandbox", "--disable-gpu"])
+            tabs = []
+            for name, (width, height, dark) in SCREENS.items():
+                size = {"width": width, "height": height}
+                context = browser.new_context(viewport=size, color_scheme="dark" if dark else "light")
+                for what, path in (("trains", "/"), ("train", "/train/full-1")):
+                    tab = context.new_page()
+                    tab.goto(f"http://127.0.0.1:{web}{path}")
+                    tabs.append((folder / f"page-{what}-{name}.png", tab))
+            tabs[1][1].get_by_text("degraded", exact=True).wait_for(timeout=4e3 * RUN_S)
+            for file, tab in tabs:
+                tab.screenshot(path=file, full_page=file.name.startswith("page-train-"))
+                with_few_colours(file)
+            browser.close()
+    finally:
+        process.send_signal(signal.SIGINT)
+        process.wait()
+
+
+def with_few_colours(path: Path) -> None:
+    """Keep a picture's file small."""
+    with Image.open(path) as image:
+        image.convert("RGB").quantize(2 * COLOURS, dither=Image.Dither.NONE).save(path, optimize=True)
+
+
 if __name__ == "__main__":
     FOLDER.mkdir(exist_ok=True)
     draw_table(FOLDER / "table.svg")
     draw_plot(FOLDER / "errors.png")
+    draw_page(FOLDER)
