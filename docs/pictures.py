@@ -9,6 +9,7 @@ import socket
 import subprocess
 import sys
 import time
+from collections.abc import Sequence
 from pathlib import Path
 
 from PIL import Image
@@ -23,6 +24,7 @@ SCENARIO = "odometer-radar"
 RUN_S = 77.0
 COLUMNS = 100
 COLOURS = 32
+PAGE_COLOURS = 256
 # by name: width and height of the screen, and whether it is dark
 SCREENS = {
     "light": (1280, 800, False),
@@ -103,29 +105,33 @@ def draw_plot(path: Path) -> None:
         image.convert("RGB").quantize(COLOURS, dither=Image.Dither.NONE).save(path, optimize=True)
 
 
-def draw_page(folder: Path) -> None:
-    """Draw the dispatch page of two trains, `RUN_S` after the first state; needs chromium and the extra `browser`."""
+def draw_page(folder: Path, trains: Sequence[str] = ("full", "metro"), pages: Sequence[str] = ("train", "trains")) -> None:
+    """Draw the dispatch page, the first picture while a wheel spins; needs chromium and the extra `browser`.
+
+    One tab at a time: several that are drawn ten times a second starve each other on a small machine.
+    """
     from playwright.sync_api import sync_playwright
 
     port, web = free_port(), free_port()
-    up = [sys.executable, "-m", "milepost", "up", "--headless", "--train", "full", "--train", "metro", "--page", str(web)]
-    process = subprocess.Popen([*up, "--listen", f"tcp/127.0.0.1:{port}"], stderr=subprocess.DEVNULL)
+    up = [sys.executable, "-m", "milepost", "up", "--headless", "--listen", f"tcp/127.0.0.1:{port}", "--page", str(web)]
+    process = subprocess.Popen([*up, *(word for train in trains for word in ("--train", train))], stderr=subprocess.DEVNULL)
+    paths = {"train": "/train/full-1", "trains": "/"}
     try:
         wait_for(web)
         with sync_playwright() as tool:
             browser = tool.chromium.launch(executable_path=shutil.which("chromium"), args=["--no-sandbox", "--disable-gpu"])
-            tabs = []
-            for name, (width, height, dark) in SCREENS.items():
-                size = {"width": width, "height": height}
-                context = browser.new_context(viewport=size, color_scheme="dark" if dark else "light")
-                for what, path in (("trains", "/"), ("train", "/train/full-1")):
-                    tab = context.new_page()
-                    tab.goto(f"http://127.0.0.1:{web}{path}")
-                    tabs.append((folder / f"page-{what}-{name}.png", tab))
-            tabs[1][1].get_by_text("degraded", exact=True).wait_for(timeout=4e3 * RUN_S)
-            for file, tab in tabs:
-                tab.screenshot(path=file, full_page=file.name.startswith("page-train-"))
-                with_few_colours(file)
+            for what in pages:
+                for name, (width, height, dark) in SCREENS.items():
+                    size = {"width": width, "height": height}
+                    tab = browser.new_page(viewport=size, color_scheme="dark" if dark else "light")
+                    tab.goto(f"http://127.0.0.1:{web}{paths[what]}", timeout=60e3)
+                    first = what == pages[0] and name == next(iter(SCREENS))
+                    tab.get_by_text("degraded" if first else "full-1", exact=True).first.wait_for(timeout=4e3 * RUN_S)
+                    tab.wait_for_timeout(1e3 if first else 5e3)
+                    file = folder / f"page-{what}-{name}.png"
+                    tab.screenshot(path=file, full_page=what == "train")
+                    with_few_colours(file)
+                    tab.close()
             browser.close()
     finally:
         process.send_signal(signal.SIGINT)
@@ -133,9 +139,9 @@ def draw_page(folder: Path) -> None:
 
 
 def with_few_colours(path: Path) -> None:
-    """Keep a picture's file small."""
+    """Keep a picture's file small; with fewer colours, those of the statuses, which are rare, become others."""
     with Image.open(path) as image:
-        image.convert("RGB").quantize(2 * COLOURS, dither=Image.Dither.NONE).save(path, optimize=True)
+        image.convert("RGB").quantize(PAGE_COLOURS, dither=Image.Dither.NONE, kmeans=1).save(path, optimize=True)
 
 
 if __name__ == "__main__":
