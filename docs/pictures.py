@@ -1,4 +1,4 @@
-"""Draw the pictures of the README and docs/ (`make pictures`): the table of a live run, the plots of `milepost evaluate`."""
+"""Draw the pictures of the documents (`make pictures`): the table and the page of live runs, the plots of scenarios."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Sequence
 from pathlib import Path
 
 from PIL import Image
@@ -23,10 +24,19 @@ FOLDER = Path(__file__).resolve().parent / "pictures"
 SCENARIO = "odometer-radar"
 # the front wheel of the default train spins from 75 to 79 s
 RUN_S = 77.0
-# the pages whose scenario is drawn under its name
-PAGES = ("explanation/time.md", "explanation/hypotheses.md")
+# the documents whose scenario is drawn under its name
+DOCUMENTS = ("explanation/time.md", "explanation/hypotheses.md")
 COLUMNS = 100
-COLOURS = 128
+# an octree keeps the colours of thin lines; with fewer than 256 those of the statuses, which are rare, become others
+PLOT_COLOURS = {"colors": 128, "method": Image.Quantize.FASTOCTREE}
+PAGE_COLOURS = {"colors": 256, "kmeans": 1}
+# by name: width and height of the screen, and whether it is dark
+SCREENS = {
+    "light": (1280, 800, False),
+    "dark": (1280, 800, True),
+    "360": (360, 740, False),
+    "wide": (2560, 1440, True),
+}
 
 # rich's own template without its web fonts: the picture loads nothing from elsewhere
 SVG = """\
@@ -96,12 +106,12 @@ def wait_for(port: int) -> None:
 def draw_plot(scenario: str, path: Path) -> None:
     """Draw the errors of a scenario."""
     evaluate(scenario, "--plot", str(path))
-    shrink(path)
+    shrink(path, **PLOT_COLOURS)
 
 
-def draw_page(page: Path, folder: Path) -> None:
-    """Draw the errors of the scenario that a page shows, as the page's command does."""
-    ((name, text),) = re.findall(r'```yaml title="([\w-]+)\.yaml"\n(.*?)```', page.read_text(encoding="utf-8"), re.S)
+def draw_document(document: Path, folder: Path) -> None:
+    """Draw the errors of the scenario that a document shows, as its command does."""
+    ((name, text),) = re.findall(r'```yaml title="([\w-]+)\.yaml"\n(.*?)```', document.read_text(encoding="utf-8"), re.S)
     with tempfile.TemporaryDirectory() as there:
         scenario = Path(there) / f"{name}.yaml"
         scenario.write_text(text, encoding="utf-8")
@@ -113,7 +123,7 @@ def draw_wheels(path: Path) -> None:
     with tempfile.TemporaryDirectory() as there:
         evaluate(SCENARIO, "--report", there)
         shutil.copy(Path(there) / f"{SCENARIO}.diameter.png", path)
-    shrink(path)
+    shrink(path, **PLOT_COLOURS)
 
 
 def evaluate(*words: str) -> None:
@@ -121,11 +131,45 @@ def evaluate(*words: str) -> None:
     subprocess.run([sys.executable, "-m", "milepost", "evaluate", *words], check=True)
 
 
-def shrink(path: Path) -> None:
-    """Few colours keep the file small; an octree keeps those of thin lines."""
+def shrink(path: Path, **how: int) -> None:
+    """Few colours keep the file small."""
     with Image.open(path) as image:
-        few = image.convert("RGB").quantize(COLOURS, method=Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
-        few.save(path, optimize=True)
+        image.convert("RGB").quantize(dither=Image.Dither.NONE, **how).save(path, optimize=True)
+
+
+def draw_dispatch_page(
+    folder: Path, trains: Sequence[str] = ("full", "metro"), pages: Sequence[str] = ("train", "trains")
+) -> None:
+    """Draw the dispatch page, the first picture while a wheel spins; needs chromium and the extra `browser`.
+
+    One tab at a time: several that are drawn ten times a second starve each other on a small machine.
+    """
+    from playwright.sync_api import sync_playwright
+
+    port, web = free_port(), free_port()
+    up = [sys.executable, "-m", "milepost", "up", "--headless", "--listen", f"tcp/127.0.0.1:{port}", "--page", str(web)]
+    process = subprocess.Popen([*up, *(word for train in trains for word in ("--train", train))], stderr=subprocess.DEVNULL)
+    paths = {"train": "/train/full-1", "trains": "/"}
+    try:
+        wait_for(web)
+        with sync_playwright() as tool:
+            browser = tool.chromium.launch(executable_path=shutil.which("chromium"), args=["--no-sandbox", "--disable-gpu"])
+            for what in pages:
+                for name, (width, height, dark) in SCREENS.items():
+                    size = {"width": width, "height": height}
+                    tab = browser.new_page(viewport=size, color_scheme="dark" if dark else "light")
+                    tab.goto(f"http://127.0.0.1:{web}{paths[what]}", timeout=60e3)
+                    first = what == pages[0] and name == next(iter(SCREENS))
+                    tab.get_by_text("degraded" if first else "full-1", exact=True).first.wait_for(timeout=4e3 * RUN_S)
+                    tab.wait_for_timeout(1e3 if first else 5e3)
+                    file = folder / f"page-{what}-{name}.png"
+                    tab.screenshot(path=file, full_page=what == "train")
+                    shrink(file, **PAGE_COLOURS)
+                    tab.close()
+            browser.close()
+    finally:
+        process.send_signal(signal.SIGINT)
+        process.wait()
 
 
 if __name__ == "__main__":
@@ -133,5 +177,6 @@ if __name__ == "__main__":
     draw_table(FOLDER / "table.svg")
     draw_plot(SCENARIO, FOLDER / "errors.png")
     draw_wheels(FOLDER / "wheel-diameter.png")
-    for shown in PAGES:
-        draw_page(FOLDER.parent / shown, FOLDER)
+    for shown in DOCUMENTS:
+        draw_document(FOLDER.parent / shown, FOLDER)
+    draw_dispatch_page(FOLDER)

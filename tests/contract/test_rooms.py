@@ -25,6 +25,7 @@ FLOORS = (
     "recorder",
     "config",
     "nodes",
+    "page",
     "feeds",
     "sensors",
     "simulation",

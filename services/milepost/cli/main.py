@@ -19,6 +19,7 @@ from .helper_commands import display, observe, sentinel, vacant
 from .inject_command import FREE_OPTIONS, inject
 from .machines.etcs_command import etcs
 from .machines.feed_command import feed
+from .machines.page_command import page
 from .options import (
     ConnectOption,
     JsonOption,
@@ -52,6 +53,7 @@ def milepost(
 
 app.command()(up)
 app.command()(feed)
+app.command()(page)
 app.command()(etcs)
 
 

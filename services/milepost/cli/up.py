@@ -31,7 +31,7 @@ from .say import say
 from .up_output import completed, scratch, telling
 
 if TYPE_CHECKING:
-    pass
+    from milepost.runtime.zenoh_config import Connection
 
 LOOK_EVERY_S = 0.2
 MEASURE_MEMORY_EVERY_S = 2.0
@@ -54,9 +54,9 @@ def run_up(options: UpOptions) -> int:
     say(f"starting {len(jobs) + len(options.listen)} processes of {in_short(trains)}")
     if files is not None:
         say(f"tools connect with --zenoh-config {files('dispatch')}")
-    if options.feed_port is not None:
-        say(f"http://127.0.0.1:{options.feed_port} lists what machines can read")
-    from .up_jobs import display_job, feed_jobs, measuring_jobs, router_jobs
+    for sentence in options.web.sentences():
+        say(sentence)
+    from .up_jobs import display_job, measuring_jobs, router_jobs
 
     share_what_is_loaded()
     # the table and what processes write cannot share a terminal
@@ -64,17 +64,18 @@ def run_up(options: UpOptions) -> int:
     supervisor = Supervisor(keep_output=to_table)
     with StopSignals() as stop, scratch(options.report) as folder, telling(to_table) as (tell, heard):
         names = [*(["router"] if options.listen else []), *(label for crew in crews for label in crew.awaited)]
-        display, observer, feed = (
-            options.endpoints if files is None else files(name) for name in ("display", "observer", "feed")
-        )
-        shown = display_job(options.mode, display, trains, names, began_ns, heard)
+
+        def connection(name: str) -> Connection:
+            return options.endpoints if files is None else files(name)
+
+        shown = display_job(options.mode, connection("display"), trains, names, began_ns, heard)
         try:
             for router in router_jobs(options.listen, files):
                 supervisor.start(router)
             supervisor.start(shown, shown=True)
             for job in (
-                *measuring_jobs(observer, trains, options.report, folder / "stalls.jsonl"),
-                *feed_jobs(feed, options.feed_port, [line for crew in crews for line in crew.lines]),
+                *measuring_jobs(connection("observer"), trains, options.report, folder / "stalls.jsonl"),
+                *options.web.jobs(connection, [line for crew in crews for line in crew.lines]),
             ):
                 supervisor.start(job)
             memory_mib = _watch(supervisor, crews, stop, tell, options.report is not None)
@@ -117,10 +118,7 @@ def _check(options: UpOptions) -> UpOptions:
             raise ConfigError("up", "--listen", text)
         if endpoint in options.listen[:i]:
             raise ConfigError("up", "--listen", f"{endpoint} is there twice")
-    if options.feed_port is not None:
-        from .machines.feed import HERE, check_feed
-
-        check_feed(HERE, options.feed_port, "up", "--feed")
+    options.web.check()
     return options
 
 

@@ -66,6 +66,10 @@ def up(
             "--feed", min=1, max=65535, help="Serve metrics, vehicle positions and GeoJSON on this port of this machine."
         ),
     ] = None,
+    page: Annotated[
+        int | None,
+        typer.Option("--page", min=1, max=65535, help="Serve the dispatch page on this port of this machine."),
+    ] = None,
     secure: Annotated[
         bool,
         typer.Option(
@@ -85,6 +89,7 @@ def up(
 ) -> None:
     """Start trains and show them: a router, and one process for each sensor, each filter, the fuser and the balise service."""
     from .crews.options import UpOptions
+    from .machines.web_servers import WebPorts
     from .up import run_up
 
     if fleet is not None and train:
@@ -111,7 +116,7 @@ def up(
         secure=secure,
         external=external,
         record=record,
-        feed_port=feed,
+        web=WebPorts(feed, page),
         together=together,
     )
     raise typer.Exit(run_up(options))

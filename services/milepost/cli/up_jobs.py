@@ -49,14 +49,3 @@ def measuring_jobs(connection: Connection, trains: Sequence[str], report: Path |
     yield Job("sentinel", ("sentinel",), place, partial(run_sentinel, stalls), restart=False)
     options = (*place, "--report", str(report), *as_options(connection), *_each("--name", trains))
     yield Job("observer", ("observe",), options, partial(run_observe, connection, trains, report, stalls), restart=False)
-
-
-def feed_jobs(connection: Connection, port: int | None, lines: Sequence[Path]) -> Iterator[Job]:
-    """The web server for machines, if there is to be one; `lines` are the files of the trains' lines."""
-    if port is None:
-        return
-    from .machines.feed import HERE, feed_body
-
-    lines = list(dict.fromkeys(lines))
-    options = ("--port", str(port), *_each("--line", [str(line) for line in lines]), *as_options(connection))
-    yield Job("feed", ("feed",), options, partial(feed_body, connection, HERE, port, lines))

@@ -17,6 +17,7 @@ from .instances import Token, token_of
 from .zenoh_config import Connection
 
 Receive = Callable[[str, Message, int], None]
+Take = Callable[[str, Any, int], None]
 Alive = Callable[[Token, bool], None]
 
 
@@ -34,17 +35,29 @@ def listening(
     `config` makes the session's configuration: a tool's gives up where no router is, a client's waits. Raises NoRouterError.
     """
 
+    def take(name: str, sample: Any, now_ns: int) -> None:
+        try:
+            receive(name, decode(sample.payload.to_bytes(), BY_NAME[name].message), now_ns)
+        except Refused:
+            return
+
+    with taking(connection, streams, train, take, alive, config) as session:
+        yield session
+
+
+@contextmanager
+def taking(
+    connection: Connection,
+    streams: Sequence[str],
+    train: str,
+    take: Take,
+    alive: Alive | None = None,
+    config: Callable[[Connection], dict[str, Any]] = zenoh_config.tool,
+) -> Iterator[Any]:
+    """As `listening`, but call `take(stream, sample, received_at_ns)` with what came as it came, for who decodes later."""
+
     def callback_for(name: str) -> Callable[[Any], None]:
-        schema = BY_NAME[name].message
-
-        def callback(sample: Any) -> None:
-            now = time.time_ns()
-            try:
-                receive(name, decode(sample.payload.to_bytes(), schema), now)
-            except Refused:
-                return
-
-        return callback
+        return lambda sample: take(name, sample, time.time_ns())
 
     # a tool's standard output is its answer, for people or machines: nothing else may stand there
     with open_session(config(connection), zenoh_log="off") as session:

@@ -17,7 +17,7 @@ from milepost_schemas import BY_NAME, ROOT, STREAMS, Stream, alive_key, rpc_key,
 ROUTERS = ("router", "router-2")
 # a tool that only reads, one that also sends faults where the train file allows it, and those of `milepost up`
 DISPATCH, CHAOS = "dispatch", "chaos"
-READERS = (DISPATCH, "display", "observer", "feed")
+READERS = (DISPATCH, "display", "observer", "feed", "page")
 TOOLS = (*READERS, CHAOS)
 # writes down what the others send, and tells how that is going
 RECORDER = "recorder"

@@ -8,8 +8,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ..machines.web_servers import WebPorts
+
 if TYPE_CHECKING:
     from milepost.cli.showing.display import Mode
+
+NO_SERVERS = WebPorts()
 
 
 @dataclass(frozen=True)
@@ -28,7 +32,7 @@ class UpOptions:
     secure: bool = False
     record: Path | None = None
     external: Sequence[str] = ()
-    feed_port: int | None = None
+    web: WebPorts = NO_SERVERS
     together: bool = False
 
     @property

@@ -12,8 +12,6 @@ from milepost.config.errors import ConfigError
 from milepost.config.line_tracks import LineTracks
 from milepost.runtime.zenoh_config import Connection
 
-HERE = "127.0.0.1"
-
 
 def check_feed(host: str, port: int, command: str, option: str) -> None:
     """Raises ConfigError where the libraries are missing or nothing can listen on a port."""
@@ -23,6 +21,11 @@ def check_feed(host: str, port: int, command: str, option: str) -> None:
     except ImportError as error:
         text = f"needs prometheus-client and gtfs-realtime-bindings: pip install 'milepost[metrics]' ({error})"
         raise ConfigError(command, option, text) from error
+    check_port(host, port, command, option)
+
+
+def check_port(host: str, port: int, command: str, option: str) -> None:
+    """Raises ConfigError where nothing can listen on a port."""
     place = f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
     try:
         free = port_is_free(f"tcp/{place}")

@@ -1,0 +1,1 @@
+"""The dispatch page: what is heard of trains, as a person sees it, and the page in a browser."""
