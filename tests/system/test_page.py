@@ -137,7 +137,8 @@ def test_nothing_is_wider_than_the_screen(train, tab, width, path):
     _, _, address = train
     tab.set_viewport_size({"width": width, "height": 740})
     tab.goto(address + path)
-    tab.wait_for_timeout(1500.0)
+    last = tab.locator("#units tr", has_text="radar-rear") if path else tab.get_by_text("full-1", exact=True)
+    last.first.wait_for()
     assert tab.evaluate("document.documentElement.scrollWidth") <= width
 
 
