@@ -240,3 +240,19 @@ def test_a_judge_of_a_receiver_remembers_what_it_is_handed() -> None:
     judge.judge(first[1], reading, mean, covariance)
     assert judge.judge(start, reading, mean, covariance) == first
     assert judge.start() == start
+
+
+def test_a_reading_that_tells_nothing_is_heard_and_not_refused() -> None:
+    """GIVEN a train that stands WHEN the loop cannot tell which way it crossed THEN nobody excludes the loop for it."""
+
+    class Speechless(Squared):
+        def each(self, reading: float, means: Any, covariances: Any) -> list[Stacked]:
+            return []
+
+    line = timeline(Speechless())
+    line.insert(speed("v", 0.0, 21.0), T0)
+    before = line.state_at(T0)
+    line.insert(spoken(0.0, 1.0), T0)
+    state = line.state_at(T0)
+    assert (state.verdicts["u"].refused, state.verdicts["u"].heard_ns) == (None, T0)
+    np.testing.assert_array_equal(state.x, before.x)

@@ -63,7 +63,7 @@ class Judge(Protocol):
     ) -> tuple[Sequence[LinearRow], Any, str | None, str | None]:
         """The rows, the memory after the reading, the reason for gating, and the reason for which the reading is refused."""
 
-    def each(self, reading: Any, means: Array, covariances: Array) -> Sequence[StackedRow]:
+    def each(self, reading: Any, means: Array, covariances: Array) -> Sequence[StackedRow] | None:
         """A pure judge's rows at each of H beliefs, means (H, k), covariances (H, k, k); none where it is not usable."""
 
 
@@ -105,12 +105,15 @@ class Readings:
             rows, memory, gating, refused = judge.judge(memory, reading, mean, covariance)
             return [Linear(np.array(self._layout.lift(unit, h)), z, R) for h, z, R in rows], memory, gating, refused
         means, covariances = x.take(own, axis=1), P.reshape(len(P), -1).take(pairs, axis=1).reshape(-1, k, k)
+        each = judge.each(reading, means, covariances)
+        if each is None:
+            return [], memory, None, "unusable"
         out = []
-        for h, z, R, present in judge.each(reading, means, covariances):
+        for h, z, R, present in each:
             full = np.zeros((*h.shape[:-1], self._layout.dimension))
             full[..., own] = h
             out.append(Linear(full, z, R, present))
-        return out, memory, None, None if out else "unusable"
+        return out, memory, None, None
 
 
 def said_by(observation: Observation) -> Any:

@@ -58,13 +58,16 @@ class UnitJudge:
             return (), memory, None, "unusable"
         return rows, observer.memory, observer.gating, observer.refused
 
-    def each(self, reading: Any, means: Array, covariances: Array) -> Sequence[StackedRow]:
-        """A reading's rows at each of H beliefs, from a sensor that remembers nothing; none where one is not usable."""
+    def each(self, reading: Any, means: Array, covariances: Array) -> Sequence[StackedRow] | None:
+        """A reading's rows at each of H beliefs, from a sensor that remembers nothing; None where one is not usable.
+
+        No row: it tells nothing, as a speed without a sign at a stop.
+        """
         try:
             rows = self._sensor.observe_each(reading, means, covariances)
         except UNUSABLE:
-            return ()
-        return rows if all([_usable(row.value, row.variance) for row in rows]) else ()  # noqa: C419 (a list is faster here)
+            return None
+        return rows if all([_usable(row.value, row.variance) for row in rows]) else None  # noqa: C419 (a list is faster here)
 
 
 def _usable(value: Array | float, variance: Array | float) -> bool:
