@@ -64,7 +64,10 @@ class Judge(Protocol):
         """The rows, the memory after the reading, the reason for gating, and the reason for which the reading is refused."""
 
     def each(self, reading: Any, means: Array, covariances: Array) -> Sequence[StackedRow] | None:
-        """A pure judge's rows at each of H beliefs, means (H, k), covariances (H, k, k); none where it is not usable."""
+        """A pure judge's rows at each of H beliefs, means (H, k), covariances (H, k, k).
+
+        None where the reading is not usable; no row where it tells nothing.
+        """
 
 
 class Readings:
