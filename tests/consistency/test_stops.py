@@ -81,6 +81,7 @@ class Run:
         s, v = self.truth[:, 0], self.truth[:, 1]
         self.inside = (reach[:, 0] <= s) & (s <= reach[:, 1]) & (reach[:, 2] <= v) & (v <= reach[:, 3])
         self.speed_std = scale[:, 1]
+        self.unused = {(e.unit, e.reason) for state in log.live.values() for e in state.excluded}
 
     def nees_at(self, at_s: float) -> float:
         return float(self.nees[self.times.index(OFFLINE_START_NS + round(at_s * 1e9))])
@@ -111,6 +112,11 @@ def test_the_speed_at_standstill_stays_known(runs: list[Run]) -> None:
     """A pulse of 27 mm is due within 0.27 s at 0.1 m/s: that none comes says as much, for as long as it lasts."""
     slow = np.concatenate([run.speed_std[np.abs(run.truth[:, 1]) < 0.05] for run in runs])
     assert slow.max() < 0.15
+
+
+def test_a_loop_that_works_stays_in_use(runs: list[Run]) -> None:
+    """Where no pulse is due it says little, and at times nothing of the direction: that is no fault."""
+    assert {why for run in runs for unit, why in run.unused if unit == "loop"} == set()
 
 
 @pytest.mark.parametrize("at_s", [5.0, 10.0, 15.0, 20.0])

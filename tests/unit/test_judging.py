@@ -254,5 +254,6 @@ def test_a_reading_that_tells_nothing_is_heard_and_not_refused() -> None:
     before = line.state_at(T0)
     line.insert(spoken(0.0, 1.0), T0)
     state = line.state_at(T0)
-    assert (state.verdicts["u"].refused, state.verdicts["u"].heard_ns) == (None, T0)
+    verdict = state.verdicts["u"]
+    assert (verdict.refused, verdict.heard_ns, verdict.counted_ns) == (None, T0, T0)
     np.testing.assert_array_equal(state.x, before.x)

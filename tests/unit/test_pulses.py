@@ -75,6 +75,12 @@ def test_a_window_is_as_long_as_says_most_in_a_given_time(path_m: float) -> None
     assert cost(best) < min(cost(0.8 * best), cost(1.2 * best))
 
 
+def test_a_device_may_be_unheard_for_two_and_a_half_windows_on_a_train_that_came_from_rest() -> None:
+    """0.1 m: 2.5 · 1.84 · 0.1^(1/3) = 2.14 s below √(2 · 1.5 · 0.1) = 0.548 m/s."""
+    pause = LIMITS.pause(0.1)
+    assert (pause.longest_s, pause.below_mps) == (pytest.approx(2.135, abs=1e-3), pytest.approx(0.5477, abs=1e-4))
+
+
 def test_windows_lie_end_to_end_until_a_pulse_comes() -> None:
     """0.1 m: windows of 1.84 · 0.1^(1/3) = 0.854 s, at 20 Hz 0.9 s; each truly at its middle."""
     silence = Silence(2.0, 0.1, LIMITS)

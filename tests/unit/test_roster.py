@@ -8,6 +8,7 @@ from milepost.fusion.shares import FixedShares
 from milepost.fusion.verdicts import Verdict
 from milepost.nodes.roster import KEPT_TIMES, Roster
 from milepost.nodes.unit_record import STALE_NS, UnitRow
+from milepost.sensors.base import Pause
 
 MS = 1_000_000
 S = 1_000_000_000
@@ -91,6 +92,16 @@ def test_a_slow_unit_is_stale_only_after_three_periods() -> None:
     assert known.at(13 * S, live=True, verdicts={}).excluded == {}
     assert known.missing(13 * S + 1) == []
     assert known.at(13 * S + 1, live=True, verdicts={}).excluded == {"gnss": "silent"}
+
+
+def test_a_unit_that_may_pause_is_stale_later_only_where_the_train_hardly_moves() -> None:
+    """A loop at a stop says something once a window: by hand, 1.8 s and 50 ms after the last reading is not yet silence."""
+    known = Roster([UnitRow("loop", 0, 50 * MS, True, pause=Pause(1.8, 0.5))], FixedShares({}), DEADLINE)
+    saw(known, "loop", 10 * S, 10 * S)
+    assert known.at(10 * S + 1850 * MS, live=True, verdicts={}, speed_mps=-0.49).excluded == {}
+    assert known.at(10 * S + 1850 * MS + 1, live=True, verdicts={}, speed_mps=-0.49).excluded == {"loop": "silent"}
+    assert known.at(11 * S, live=True, verdicts={}, speed_mps=0.5).excluded == {}
+    assert known.at(11 * S + 1, live=True, verdicts={}, speed_mps=0.5).excluded == {"loop": "silent"}
 
 
 # worth waiting for ---------------------------------------------------------------------------------------------------------

@@ -60,6 +60,7 @@ def fuser_settings(train: Train) -> FuserSettings:
             None if sensor.period_s is None else round(sensor.period_s * NS_PER_S),
             sensor.options.filter is not None,
             round(sensor.latency_s * NS_PER_S),
+            sensor.pause,
         )
         for order, (unit, sensor) in enumerate(train.sensors.items())
     ]

@@ -116,7 +116,7 @@ class BankKernel:
             rows, memory, gating, refused = self._readings.rows(memory, observation, state.x, state.P, state.leader)
         suspect = self.doubts.by_unit.get(unit)
         # an odd reading is judged below; and where a decision excludes the unit, nobody asks what counted
-        counts = rows and refused is None and unit not in state.rows.excluded and not (suspect and suspect.odd_alone)
+        counts = refused is None and unit not in state.rows.excluded and not (suspect and suspect.odd_alone)
         counted_ns = at_ns if counts else verdict.counted_ns
         said = said_by(observation) if suspect and suspect.never_repeats else None
         state = state.judged(unit, verdict.told(said, memory, at_ns, counted_ns, gating, refused))

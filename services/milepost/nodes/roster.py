@@ -154,7 +154,7 @@ class Roster:
                     excluded[name] = reason
             else:
                 verdict = verdicts.get(name) or unit.verdict_at(epoch_ns)
-                reason = reason_not_in_use(verdict, epoch_ns, unit.stale_ns)
+                reason = reason_not_in_use(verdict, epoch_ns, unit.stale_at(speed_mps))
                 if reason == SILENT and live:
                     reason = unit.instead_of_silent(epoch_ns)
                 if reason is not None:

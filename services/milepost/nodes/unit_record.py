@@ -8,7 +8,9 @@ from dataclasses import dataclass, field
 from operator import itemgetter
 from typing import NamedTuple
 
+from milepost.estimation.time_units import NS_PER_S
 from milepost.fusion.verdicts import Verdict
+from milepost.sensors.base import Pause
 
 from .working_states import AHEAD, LATE, NO_USE, SILENT
 
@@ -22,7 +24,7 @@ class UnitRow:
     """A unit's row in the train file, `order` from 0.
 
     `period_ns` None: never due. `fused`: a filter speaks for it. `latency_ns`: from the time at which a reading is true to the
-    time at which the sensor can send it.
+    time at which the sensor can send it. `pause`: how long a device that works may be unheard on a train that hardly moves.
     """
 
     unit: str
@@ -30,6 +32,7 @@ class UnitRow:
     period_ns: int | None
     fused: bool
     latency_ns: int = 0
+    pause: Pause | None = None
 
 
 class UnitMemory(NamedTuple):
@@ -71,6 +74,13 @@ class UnitRecord:
     def __post_init__(self) -> None:
         period_ns = self.row.period_ns or 0
         self.window_ns, self.stale_ns = max(WINDOW_NS, 2 * period_ns), max(STALE_NS, 3 * period_ns)
+
+    def stale_at(self, speed_mps: float) -> int:
+        """For how many ns the unit may be unheard at a speed before it is not in use."""
+        pause = self.row.pause
+        if pause is None or abs(speed_mps) >= pause.below_mps:
+            return self.stale_ns
+        return max(self.stale_ns, round(pause.longest_s * NS_PER_S) + (self.row.period_ns or 0))
 
     @property
     def memory(self) -> UnitMemory:

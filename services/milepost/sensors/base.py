@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any, ClassVar, Generic, Literal, Protocol, TypeVar
+from typing import Annotated, Any, ClassVar, Generic, Literal, NamedTuple, Protocol, TypeVar
 
 from pydantic import BaseModel, Field
 
@@ -14,7 +13,7 @@ from milepost.estimation.layout import Array, PrivateState
 from milepost.estimation.notice import Notice
 from milepost.recordings.column_map import CsvSource
 from milepost.recordings.column_options import RecordingOptions
-from milepost.recordings.measured import Measured, Source
+from milepost.recordings.measured import Source
 from milepost.recordings.options import STRICT, Span
 from milepost.simulation.motion import Motion
 from milepost.simulation.noise import standard_normal
@@ -104,6 +103,13 @@ class Observer(Protocol):
 O = TypeVar("O", bound=SensorOptions)  # noqa: E741
 
 
+class Pause(NamedTuple):
+    """For how long a device that works may be unheard, below a speed."""
+
+    longest_s: float
+    below_mps: float
+
+
 class Sensor(ABC, Generic[O]):
     """One kind of sensor. `stream` names the row of the stream table that its readings travel on."""
 
@@ -136,6 +142,11 @@ class Sensor(ABC, Generic[O]):
     def never_repeats(self) -> bool:
         """Whether the noise of the device makes every reading another one: one that repeats is stuck."""
         return False
+
+    @property
+    def pause(self) -> Pause | None:
+        """How long a device that works may be unheard; None: no longer than its period."""
+        return None
 
     @property
     def latency_s(self) -> float:
@@ -206,32 +217,3 @@ class Sensor(ABC, Generic[O]):
     @abstractmethod
     def open(self, world: World | None, from_s: float) -> Source:
         """The readings from scenario time `from_s` on. Raises ValueError where the sensor has no such source."""
-
-
-class PeriodicSource(ABC):
-    """Readings on the grid n · period + phase, from the first grid time ≥ `from_s` to `end_s`."""
-
-    def __init__(self, period_s: float, from_s: float, end_s: float, phase_s: float = 0.0) -> None:
-        self.period_s = period_s
-        self._phase_s = phase_s
-        self._index = max(0, math.ceil((from_s - phase_s) / period_s - 1e-9))
-        self._end_s = end_s
-
-    def time_of(self, index: int) -> float:
-        """The grid time of a reading."""
-        return index * self.period_s + self._phase_s
-
-    def next_s(self) -> float | None:
-        """The next grid time; None after the end."""
-        t = self.time_of(self._index)
-        return t if t <= self._end_s else None
-
-    def read(self) -> Measured | None:
-        """The reading at the next grid time."""
-        index = self._index
-        self._index += 1
-        return self.sample(index, self.time_of(index))
-
-    @abstractmethod
-    def sample(self, index: int, t_s: float) -> Measured | None:
-        """The reading number `index`, taken at `t_s`."""

@@ -11,7 +11,7 @@ from pydantic import Field
 from milepost.recordings.measured import Measured
 from milepost.simulation.motion import Motion
 
-from .base import SensorOptions
+from .base import Pause, SensorOptions
 
 # the least bound that a reading can state
 LEAST_BOUND_MPS = 1e-3
@@ -91,6 +91,14 @@ class Limits(NamedTuple):
         itself is lowest from Δ = 2 √(d/A) on.
         """
         return max(2.0 * math.sqrt(path_m / self.acceleration_mps2), BEST_WINDOW * math.cbrt(path_m / self.jerk_mps3))
+
+    def pause(self, path_m: float) -> Pause:
+        """How long a device may be unheard: 2.5 windows, below the speed v = √(2 A d) of a train that came from rest.
+
+        A reading is true half a window before it is sent; the next one comes a window later, two where a pulse between them
+        tells nothing. A train at √(2 A d) or more has passed a pulse since it could have stood. Source: ours.
+        """
+        return Pause(2.5 * self.window_s(path_m), math.sqrt(2.0 * self.acceleration_mps2 * path_m))
 
 
 class Silence:

@@ -14,7 +14,8 @@ from milepost.track.earth import moved
 from milepost.track.line import Line
 from milepost_schemas.reading import Solution
 
-from ..base import PeriodicSource, World
+from ..base import World
+from ..periodic import PeriodicSource
 
 Std = Annotated[float, Field(gt=0.0)]
 

@@ -14,8 +14,9 @@ from milepost.recordings.measured import Measured, Source
 from milepost.simulation.noise import MarkovNoise, WhiteNoise
 from milepost_schemas import InertialReading
 
-from ..base import Observer, PeriodicSource, Sensor, SensorOptions, Simulated, World, as_simulated
+from ..base import Observer, Sensor, SensorOptions, Simulated, World, as_simulated
 from ..observed import Belief, Observed, Stacked
+from ..periodic import PeriodicSource
 from .learned_error import InertialErrorModel
 from .learning import LearningUnit, LearnOptions
 

@@ -8,7 +8,7 @@ from typing import Any
 from milepost.estimation.layout import Array
 from milepost.recordings.measured import Source
 
-from ..base import Sensor, World
+from ..base import Pause, Sensor, World
 from ..observed import Belief, Observed, Stacked
 from ..pulses import NEGLIGIBLE
 from .count import Faults, pitches
@@ -39,6 +39,11 @@ class InductionLoop(Sensor[InductionLoopOptions]):
     def never_repeats(self) -> bool:
         """Pulses are timed to the last digit."""
         return True
+
+    @property
+    def pause(self) -> Pause:
+        """Between pulses there is none but a bound a window."""
+        return self.options.limits.pause(self.options.longest_gap_m)
 
     @property
     def needs_belief(self) -> bool:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from milepost.recordings.measured import Measured
 
-from ..base import PeriodicSource, World
+from ..base import World
+from ..periodic import PeriodicSource
 from ..pulses import SHORTEST_PART, Silence
 from .antenna import Antenna, Pair, Single
 from .crossings import Crossings, Unseen

@@ -8,7 +8,8 @@ from typing import Protocol
 from milepost.recordings.measured import Measured
 from milepost.simulation.noise import WhiteNoise
 
-from ..base import PeriodicSource, World
+from ..base import World
+from ..periodic import PeriodicSource
 from ..pulses import SHORTEST_PART, Limits, Silence, legs
 
 # creep is integrated in steps of this; its ramps are many times as long

@@ -12,7 +12,7 @@ from milepost.estimation.layout import Array, PrivateState
 from milepost.recordings.measured import Source
 from milepost.recordings.options import STRICT
 
-from ..base import Observer, Sensor, World
+from ..base import Observer, Pause, Sensor, World
 from ..observed import Belief, Observed, Stacked
 from ..pulses import PulseOptions
 from ..scale import SCALE, scaled_speed, scaled_speeds
@@ -78,6 +78,11 @@ class Odometer(Sensor[OdometerOptions]):
     def never_repeats(self) -> bool:
         """Where edges are timed; counts repeat."""
         return self.options.timer_s is not None
+
+    @property
+    def pause(self) -> Pause | None:
+        """Where edges are timed there is between them none but a bound a window."""
+        return None if self.options.timer_s is None else self.options.limits.pause(self.options.pitch_m)
 
     @property
     def private_states(self) -> tuple[PrivateState, ...]:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from milepost.recordings.measured import Measured, Source
 
-from ..base import PeriodicSource, World
+from ..base import World
+from ..periodic import PeriodicSource
 from .beam import Beam, Radar, RadarOptions, RadarSensor
 
 

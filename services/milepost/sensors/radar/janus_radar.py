@@ -8,7 +8,8 @@ from pydantic import Field
 
 from milepost.recordings.measured import Measured, Source
 
-from ..base import PeriodicSource, World
+from ..base import World
+from ..periodic import PeriodicSource
 from .beam import Beam, Radar, RadarOptions, RadarSensor, beam_speed
 
 
