@@ -27,7 +27,7 @@ def test_the_numbers_of_units_and_rows_and_the_limit_are_those_of_the_default_tr
 
 
 def test_the_table_of_reaches_is_that_of_the_default_train() -> None:
-    published, reaches = ROWS.intervals(np.ones(len(ROWS.sets), dtype=bool))
+    published, reaches = ROWS.intervals(np.ones(len(ROWS.sets), dtype=bool), 0)
     assert f"(n = {int(published.sum())})" in text("interval")
     stated = {(float(p), float(k)) for p, k in re.findall(r"\| ([\d.e-]+) \| ([\d.]+) \|", text("interval"))}
     assert stated == {(p, round(k, 2)) for p, k in zip(ROWS.chances[published].tolist(), reaches.tolist(), strict=True)}

@@ -80,6 +80,14 @@ def test_all_that_is_plausible_is_published_once_row_0_is_refuted() -> None:
     assert rows.plausible(alive).tolist() == rows.published(alive).tolist() == [False, True, True, False, False, False, False]
 
 
+def test_what_may_lead_is_published_beside_a_likelier_explanation_of_what_is_excluded() -> None:
+    """a is excluded, and c is the likelier explanation of that: one more liar, b, leads, and c stands beside it."""
+    rows = Rows(doubts({"a": 1e-5, "b": 1e-4, "c": 1e-2}), A, frozenset((C,)))
+    alive = flags(rows, A | B, C)
+    assert rows.plausible(alive).tolist() == flags(rows, A | B).tolist()
+    assert rows.published(alive).tolist() == flags(rows, A | B, C).tolist()
+
+
 def test_the_unlikely_is_plausible_where_nothing_else_is_left() -> None:
     rows = Rows(doubts(OFTEN), NOBODY)
     assert rows.published(flags(rows, C, A | B)).tolist() == [False, False, False, True, True, False, False]
@@ -97,7 +105,7 @@ def test_the_smallest_is_contained_in_all_others_or_there_is_none() -> None:
 def test_the_reach_of_each_row_is_the_one_by_hand() -> None:
     """Risk 2.8e-7 over four published rows: 6.9e-8 for row 0, 6.9e-8/p for the others, and one sigma at least."""
     rows = Rows(doubts(OFTEN, risk_per_hour=1e-4), NOBODY)
-    published, reach = rows.intervals(np.ones(7, dtype=bool))
+    published, reach = rows.intervals(np.ones(7, dtype=bool), 0)
     assert published.tolist() == [True, True, True, True, False, False, False]
     each = 1e-4 * 10.0 / 3600.0 / 4.0
     expected = [-NormalDist().inv_cdf(0.5 * each / p) for p in (1.0, 1e-3, 2e-3, 1e-5)]
@@ -106,10 +114,18 @@ def test_the_reach_of_each_row_is_the_one_by_hand() -> None:
     assert reach[1] == pytest.approx(3.98, abs=0.01)
 
 
+def test_the_row_that_leads_is_always_published() -> None:
+    """c is far less likely than b, and may lead all the same where rows were taken over: its mean lies in what is published."""
+    rows = Rows(doubts(OFTEN), NOBODY)
+    alive = flags(rows, B, C)
+    assert not rows.published(alive)[rows.places[C]]
+    assert rows.intervals(alive, rows.places[C])[0].tolist() == flags(rows, B, C).tolist()
+
+
 def test_the_risk_summed_over_the_published_rows_is_the_budget() -> None:
     rows = Rows(doubts(OFTEN), NOBODY)
     for alive in (np.ones(7, dtype=bool), flags(rows, NOBODY, A), flags(rows, NOBODY)):
-        published, reach = rows.intervals(alive)
+        published, reach = rows.intervals(alive, 0)
         spent = sum(p * 2.0 * NormalDist().cdf(-k) for p, k in zip(rows.chances[published], reach, strict=True))
         assert spent <= rows.doubts.risk * (1.0 + 1e-9)
         assert spent > 0.7 * rows.doubts.risk
@@ -118,7 +134,7 @@ def test_the_risk_summed_over_the_published_rows_is_the_budget() -> None:
 def test_once_row_0_is_refuted_the_likeliest_counts_as_certain() -> None:
     """b is twice as likely as a: K of b is that of the risk shared by two, K of a that of twice as much."""
     rows = Rows(doubts(OFTEN), NOBODY)
-    published, reach = rows.intervals(flags(rows, A, B))
+    published, reach = rows.intervals(flags(rows, A, B), rows.places[B])
     assert np.flatnonzero(published).tolist() == [rows.places[A], rows.places[B]]
     each = rows.doubts.risk / 2.0
     assert reach[1] == pytest.approx(-NormalDist().inv_cdf(0.5 * each), rel=1e-9)
@@ -194,7 +210,7 @@ def test_it_stays_so_likely_when_the_unit_is_readmitted() -> None:
     everything = np.ones(len(rows.sets), dtype=bool)
     new = rows.published(everything) & ~before.published(everything)
     assert [rows.sets[i] for i in np.flatnonzero(new)] == [B | C]
-    reach = dict(zip(np.flatnonzero(rows.published(everything)).tolist(), rows.intervals(everything)[1], strict=True))
+    reach = dict(zip(np.flatnonzero(rows.published(everything)).tolist(), rows.intervals(everything, 0)[1], strict=True))
     assert reach[rows.places[B | C]] == pytest.approx(-NormalDist().inv_cdf(0.5 * rows.doubts.risk / 5.0 / 2e-5), rel=1e-9)
 
 

@@ -149,7 +149,7 @@ def led(before: Bank, state: Bank, row: int, at_ns: int, reason: str) -> Bank:
 
 def protected(state: Bank) -> tuple[tuple[float, float], tuple[float, float]]:
     """[min, max] of position and of speed over the hypotheses that are not refuted: the union of x_h ± K_h σ_h."""
-    held, K = state.rows.intervals(state.alive)
+    held, K = state.rows.intervals(state.alive, state.leader)
     variances = np.diagonal(state.P, axis1=1, axis2=2)[held, :2]
     centre, reach = state.x[held, :2], K[:, None] * np.sqrt(variances)
     (low, slow), (high, fast) = (centre - reach).min(axis=0).tolist(), (centre + reach).max(axis=0).tolist()

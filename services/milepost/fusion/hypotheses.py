@@ -135,7 +135,7 @@ class Rows:
         self.hard = range(sum(MOTION_MODEL not in units for units in self.sets), len(self.sets))
         self.places = {units: i for i, units in enumerate(self.sets)}
         self._uses: dict[str, Flags] = {}
-        self._intervals: dict[bytes, tuple[Flags, NDArray[np.float64]]] = {}
+        self._intervals: dict[tuple[bytes, int], tuple[Flags, NDArray[np.float64]]] = {}
 
     def uses(self, unit: str) -> Flags:
         """Whether each row uses a unit."""
@@ -147,25 +147,28 @@ class Rows:
     def published(self, alive: Flags) -> Flags:
         """The rows whose intervals are published together.
 
-        Those near to what is excluded; once row 0 is refuted all that are likely enough, what explains an exclusion otherwise
-        too. Two causes at once, both not found yet, are left to the tests, as long as nothing was excluded that they would
-        explain.
+        Those near to what is excluded; once row 0 is refuted all that may lead, and all that are likely enough, what explains
+        an exclusion otherwise too. Two causes at once, both not found yet, are left to the tests, as long as nothing was
+        excluded that they would explain.
         """
-        return alive & self.near if alive[0] else self._likely(alive)
+        return alive & self.near if alive[0] else self._likely(alive) | self.plausible(alive)
 
-    def intervals(self, alive: Flags) -> tuple[Flags, NDArray[np.float64]]:
-        """The published rows (H), and K of each of these: Σ p_h · 2 Φ(-K_h) is the risk of one decorrelation time.
+    def intervals(self, alive: Flags, leader: int) -> tuple[Flags, NDArray[np.float64]]:
+        """The published rows (H), the leading one among them, and K of each of these.
+
+        Σ p_h · 2 Φ(-K_h) is the risk of one decorrelation time.
 
         The published rows share it evenly.
         p_h is 1 for row 0 and the probability of its faults for each other row, and relative to the likeliest once row 0 is
         refuted.
         """
-        key = alive.tobytes()
+        key = alive.tobytes(), leader
         kept = self._intervals.get(key)
         if kept is None:
             if len(self._intervals) >= KEPT_INTERVALS:
                 self._intervals.clear()
             published = self.published(alive)
+            published[leader] = True
             risk = self.doubts.risk * self.chances[published].max(initial=0.0) / max(1, int(published.sum()))
             kept = published, np.array([normal_reach(risk / p) for p in self.chances[published]])
             self._intervals[key] = kept
