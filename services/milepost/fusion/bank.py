@@ -159,7 +159,10 @@ class BankKernel:
             struck = odd | (heard.strikes >= 2) if witness else heard.strikes >= 2
             after = after.judged(unit, _alone(state, unit, bool(odd[state.leader]) and not witness, at_ns))
         stuck = state.verdicts[unit].repeats >= REPEATS
-        return self._isolation.decide(state, after, Finding(unit, at_ns, uses, heard, struck, stuck))
+        common = 0.0
+        if unit in state.rows.excluded:
+            common = 1.0 - float((R / S)[state.leader])
+        return self._isolation.decide(state, after, Finding(unit, at_ns, uses, heard, struck, stuck, common=common))
 
 
 def _alone(state: Bank, unit: str, odd: bool, at_ns: int) -> Verdict:

@@ -73,6 +73,26 @@ def statistics(sums: Array, count: int) -> Array:
     return out
 
 
+def unheard(sums: Array, count: int, common: float) -> Array:
+    """`statistics` of a unit that the rows do not hear: a part ρ of the innovations' variance may be one error in `common`.
+
+    |Σλᵏe|/√((1 - ρ) Σλ²ᵏ + ρ (Σλᵏ)²); and the mean squares about the mean, (Σλᵏe²/Σλᵏ - (Σλᵏe/Σλᵏ)²) ν/(ν - 1), of ν - 1
+    degrees of freedom, into which a common error does not enter.
+    """
+    count = min(count, FULL)
+    weights = (1.0 - LAMBDAS**count) / (1.0 - LAMBDAS)
+    freedom = weights**2 * (1.0 - LAMBDAS**2) / (1.0 - LAMBDAS ** (2 * count))
+    means = sums / weights[:, None]
+    out = np.zeros_like(sums)
+    out[:M] = np.abs(means[:M]) / np.sqrt((1.0 - common) / freedom[:M] + common)[:, None]
+    if count > 1:
+        left = freedom[M:, None] - 1.0
+        about = np.maximum(means[M:] - means[1:M] ** 2, 0.0) * freedom[M:, None] / left
+        spread = 2.0 / 9.0 / left
+        out[M:] = (np.cbrt(about) - 1.0 + spread) / np.sqrt(spread)
+    return out
+
+
 class Bounds:
     """The sums (7) at which the tests reach `limit`: comparing sums is a tenth of the work of `statistics`."""
 

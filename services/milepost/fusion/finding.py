@@ -9,7 +9,7 @@ import numpy as np
 from milepost.estimation.layout import Array
 
 from .bank_state import Channel
-from .evidence import OUT_OF_RANGE, STUCK, Bounds, Flags, statistics
+from .evidence import OUT_OF_RANGE, STUCK, Bounds, Flags, statistics, unheard
 
 
 class Finding(NamedTuple):
@@ -17,6 +17,8 @@ class Finding(NamedTuple):
 
     `uses` (H): which rows use it; `channel` after it; `stuck`: the unit said the same too often; `far` (H): what was learned
     of the unit is out of range, None: nowhere; `struck` (H): two readings in a row were refused by themselves, None: nowhere.
+    `common`: of a unit that is excluded, the part of its innovations' variance in the leading row that is the row's own. The
+    row does not hear the unit, so that the same error is in many of them.
     """
 
     unit: str
@@ -26,6 +28,7 @@ class Finding(NamedTuple):
     struck: Flags | None
     stuck: bool = False
     far: Flags | None = None
+    common: float = 0.0
 
     def beyond(self, bounds: Bounds) -> Flags | None:
         """Which rows (H) anything tells against; None where nothing does, which is nearly always."""
@@ -39,17 +42,21 @@ class Finding(NamedTuple):
             out = out if more is None else out | more
         return np.asarray(out)
 
-    def worst(self) -> Array:
-        """The worst test of each row (H)."""
+    def worst(self, common: float = 0.0) -> Array:
+        """The worst test of each row (H); `common`: for a row that does not hear the unit."""
         if self.stuck:
             return np.full(len(self.uses), np.inf)
-        worst: Array = statistics(self.channel.sums, self.channel.readings).max(axis=0)
+        worst: Array = self._tests(common).max(axis=0)
         return worst if self.struck is None else np.where(self.struck, np.inf, worst)
 
-    def test(self, row: int) -> int:
-        """What tells most against a row."""
+    def test(self, row: int, common: float = 0.0) -> int:
+        """What tells most against a row; `common`: for one that does not hear the unit."""
         if self.stuck:
             return STUCK
         if self.far is not None and self.far[row]:
             return OUT_OF_RANGE
-        return int(np.argmax(statistics(self.channel.sums, self.channel.readings)[:, row]))
+        return int(np.argmax(self._tests(common)[:, row]))
+
+    def _tests(self, common: float) -> Array:
+        sums, count = self.channel.sums, self.channel.readings
+        return unheard(sums, count, common) if common > 0.0 else statistics(sums, count)

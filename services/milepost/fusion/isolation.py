@@ -10,7 +10,7 @@ from .bank_state import CHANNELS, Bank, led, narrowed, protected, recomposed
 from .evidence import Bounds, Flags, statistics
 from .finding import Finding
 from .hypotheses import MOTION_MODEL, NO_ALTERNATIVES, NOBODY, Doubts, Rows, Units, sources
-from .recovery import WARY_NS, alternatives, hold_ns, revived, widened
+from .recovery import WARY_NS, alternatives, disagreement, hold_ns, revived, widened
 from .verdicts import Exclusion, Reset, Verdict
 
 # between hypotheses one of which is true, less evidence decides than against all units at once
@@ -91,12 +91,12 @@ class Isolation:
             return led(before, state, best, at_ns, "the hypothesis that led is refuted")
         return state
 
-    def _why(self, state: Bank, finding: Finding, row: int) -> Exclusion:
-        """The evidence against a row."""
+    def _why(self, state: Bank, finding: Finding, row: int, common: float = 0.0) -> Exclusion:
+        """The evidence against a row; `common`: for one that does not hear the unit."""
         slips = self._doubts.by_unit[finding.unit].slips
-        numbers = float(finding.worst()[row]), float(finding.channel.nu[row]), float(state.x[row, 1])
+        numbers = float(finding.worst(common)[row]), float(finding.channel.nu[row]), float(state.x[row, 1])
         limit = self._limit if state.alive[0] else SOFT * self._limit
-        return Exclusion(finding.at_ns, finding.unit, finding.test(row), *numbers, slips, limit)
+        return Exclusion(finding.at_ns, finding.unit, finding.test(row, common), *numbers, slips, limit)
 
     def _beyond_prior(self, state: Bank, unit: str) -> Flags | None:
         """The rows where a private state of a unit is farther from its prior than any such device is; None: nowhere."""
@@ -191,8 +191,10 @@ class Isolation:
         unit, at_ns = finding.unit, finding.at_ns
         verdict, suspect = state.verdicts[unit], self._doubts.by_unit[unit]
         verdict = verdict.watched(at_ns, float(finding.channel.sums[0, state.leader]))
-        if finding.worst()[state.leader] > SOFT * SOFT * self._limit:
-            why = self._why(state, finding, state.leader)
+        # at first the row is as good as it was with the unit, and a lie that grows would pass for the row's error
+        common = finding.common if verdict.relapses > 1 else 0.0
+        if finding.worst(common)[state.leader] > disagreement(verdict, SOFT * SOFT * self._limit):
+            why = self._why(state, finding, state.leader, common)
             state = self._fresh(state, unit)
             earlier = verdict.excluded
             if earlier is not None and (why.slipping or earlier.found_by != unit) and not earlier.slipping:

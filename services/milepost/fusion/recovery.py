@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+from statistics import NormalDist
+
 import numpy as np
 
 from milepost.estimation.layout import Array
@@ -36,6 +39,20 @@ def revived(state: Bank, at_ns: int) -> Bank:
 def hold_ns(verdict: Verdict) -> int:
     """How long the unit must agree."""
     return min(LONGEST_PROBATION_NS, PROBATION_NS << min(max(0, verdict.relapses - 1), 10))
+
+
+def disagreement(verdict: Verdict, limit: float) -> float:
+    """The deviate above which a reading speaks against a unit on probation: `limit` in the shortest one.
+
+    In one that is m times as long, that whose probability is m times smaller: noise begins a long one anew no more often.
+    """
+    return _rarer(limit, hold_ns(verdict) // PROBATION_NS)
+
+
+@lru_cache(maxsize=64)
+def _rarer(limit: float, times: int) -> float:
+    normal = NormalDist()
+    return limit if times == 1 else -normal.inv_cdf(normal.cdf(-limit) / times)
 
 
 def alternatives(state: Bank, blamed: Units) -> frozenset[Units]:
