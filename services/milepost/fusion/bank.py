@@ -97,11 +97,13 @@ class BankKernel:
 
         A row that hears nobody for long begins where the first one began.
         """
-        waited_s = state.waited_s + dt_s
-        if waited_s <= LONGEST_WAIT_S:
-            x[waiting], P[waiting] = state.x[waiting], state.P[waiting]
-            return state._replace(x=x, P=P, waited_s=waited_s)
-        late = self.advance(state._replace(waiting=None), waited_s)
+        x[waiting], P[waiting] = state.x[waiting], state.P[waiting]
+        state = state._replace(x=x, P=P, waited_s=state.waited_s + dt_s)
+        return state if state.waited_s <= LONGEST_WAIT_S else self._begun(state, waiting)
+
+    def _begun(self, state: Bank, waiting: Flags) -> Bank:
+        """The rows that wait begin where the first one began."""
+        late, x, P = self.advance(state._replace(waiting=None), state.waited_s), state.x.copy(), state.P.copy()
         x[waiting], P[waiting] = late.x[waiting], late.P[waiting]
         return state._replace(x=x, P=P, waiting=None)
 
@@ -131,6 +133,9 @@ class BankKernel:
             waiting = state.waiting & ~state.rows.uses(unit)
             since_ns = at_ns if state.since_ns is None else state.since_ns
             state = state._replace(since_ns=since_ns, waiting=waiting if waiting.any() else None)
+            if waiting[state.leader]:
+                # all that was heard is excluded: the train has moved since, and the row that leads with it
+                state = self._begun(state, waiting)
         return state
 
     def _observe(self, state: Bank, unit: str, component: int, row: Linear, at_ns: int) -> Bank:
