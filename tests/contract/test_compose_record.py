@@ -31,7 +31,9 @@ def test_the_recorder_is_confined_as_a_process_of_the_train_is() -> None:
 
 def test_only_its_recordings_are_writable() -> None:
     assert RECORDED["recorder"]["command"] == ["run", "recorder", "--record", FOLDER]
-    assert RECORDED["recorder"]["volumes"] == [f"${{MILEPOST_RECORDINGS:-recordings}}:{FOLDER}"]
+    files = OPEN["balise"]["volumes"]
+    assert RECORDED["recorder"]["volumes"] == [*files, f"${{MILEPOST_RECORDINGS:-recordings}}:{FOLDER}"]
+    assert all(each["read_only"] for each in files)
 
 
 def test_the_image_has_the_library_and_a_folder_that_its_user_can_write() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import signal
 import sys
 from pathlib import Path
@@ -15,6 +16,7 @@ from milepost.runtime.zenoh_config import DEFAULT_ENDPOINT
 
 from .campaign_command import campaign
 from .chaos_command import chaos
+from .composing.command import compose
 from .helper_commands import display, observe, sentinel, vacant
 from .inject_command import FREE_OPTIONS, inject
 from .machines.etcs_command import etcs
@@ -30,6 +32,7 @@ from .options import (
 from .pki_command import acl, pki
 from .recording.commands import export, info, replay, rerun
 from .run_command import run
+from .say import say
 from .up_command import up
 from .usage import UsageError, usage_line
 
@@ -55,6 +58,7 @@ app.command()(up)
 app.command()(feed)
 app.command()(page)
 app.command()(etcs)
+app.command()(compose)
 
 
 @app.command()
@@ -175,6 +179,6 @@ def _run() -> None:
         if type(error).__name__ == "NoArgsIsHelpError":  # `milepost` alone
             error.show()
         else:
-            print(f"milepost: {usage_line(error)}", file=sys.stderr)
+            say(usage_line(error), logging.ERROR)
         sys.exit(error.exit_code)
     sys.exit(code)

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from milepost.config.shipped_files import names_in
+from milepost.runtime.logs.records import FORMAT_VARIABLE, LEVEL_VARIABLE, LogFormat, LogLevel
 
 DEFAULT_TRAIN = Path("full")
 DISTRIBUTIONS = ("milepost", "milepost-schemas")
@@ -53,6 +54,7 @@ TrainOption = Annotated[
     typer.Option(
         "--train",
         autocompletion=complete_train,
+        envvar="MILEPOST_TRAIN",
         help="Train file, or the name of one: looked up in ./deploy/trains, then among those shipped with Milepost.",
     ),
 ]
@@ -83,5 +85,20 @@ RecordOption = Annotated[
     Path | None,
     typer.Option(
         "--record", help="Folder in which everything that is sent is recorded, in MCAP files. Needs the extra `record`."
+    ),
+]
+LogLevelOption = Annotated[
+    LogLevel,
+    typer.Option(
+        "--log-level", envvar=LEVEL_VARIABLE, help="Log what is as bad as this, or worse. With `debug` also tracebacks."
+    ),
+]
+LogFormatOption = Annotated[
+    LogFormat, typer.Option("--log-format", envvar=FORMAT_VARIABLE, help="Log lines for people, or JSON objects, one a line.")
+]
+UrlOption = Annotated[
+    str,
+    typer.Option(
+        "--url", help="What it says its address is, where people reach it by another one: the port that a container publishes."
     ),
 ]

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from milepost.config.errors import ConfigError
 from milepost.runtime.launch import end_with_parent
+from milepost.runtime.logs.records import set_up_log
 from milepost.runtime.zenoh_config import Connection
 
 if TYPE_CHECKING:
@@ -69,12 +70,14 @@ def _run_router(options: RunOptions) -> None:
         raise ConfigError("run", "--link", f"not with --config: {options.config} says itself, in `connect`, with whom it links")
     from milepost.security.router import run_named_router
 
+    set_up_log("router")
     run_named_router(options.listen, options.config, options.parent, options.link)
 
 
 def _run_recorder(options: RunOptions) -> None:
     from milepost.recorder.library import need_mcap
 
+    set_up_log(RECORDER)
     if options.record is None:
         raise ConfigError("run recorder", "--record", "required: the folder for the recording")
     need_mcap("run recorder")
@@ -92,6 +95,7 @@ def _run_together(options: RunOptions) -> None:
     from milepost.runtime.together.process import run_together
     from milepost.runtime.train_jobs import checked_world
 
+    set_up_log(TOGETHER)
     train = options.train()
     check_external(train, options.external, "run together", "--external")
     world = checked_world(train, options.duration, options.external)
@@ -100,10 +104,11 @@ def _run_together(options: RunOptions) -> None:
 
 def _run_process(options: RunOptions) -> None:
     from milepost.config.mistakes import one_of
-    from milepost.config.roles import ROLES
+    from milepost.config.roles import ROLES, process_name
     from milepost.runtime.process import run_process
 
     role, unit = options.role, options.unit
+    set_up_log(process_name(role, unit or role) if role in ROLES else "run")
     if role not in ROLES:
         raise ConfigError("run", "ROLE", one_of(["router", RECORDER, TOGETHER, *ROLES], role))
     train = options.train()

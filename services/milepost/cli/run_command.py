@@ -8,9 +8,19 @@ from typing import Annotated
 import typer
 
 from milepost.config.shipped_files import find_file
+from milepost.runtime.logs.records import LogFormat, LogLevel, choose
 from milepost.runtime.zenoh_config import DEFAULT_ENDPOINT
 
-from .options import DEFAULT_TRAIN, ConnectOption, RecordOption, StateDirOption, TrainOption, ZenohConfigOption
+from .options import (
+    DEFAULT_TRAIN,
+    ConnectOption,
+    LogFormatOption,
+    LogLevelOption,
+    RecordOption,
+    StateDirOption,
+    TrainOption,
+    ZenohConfigOption,
+)
 
 
 def run(
@@ -51,10 +61,13 @@ def run(
             "--least-free-mib", min=0.0, help="Recorder only: stop where the disk has less room, go on where it has more."
         ),
     ] = 1024.0,
+    log_level: LogLevelOption = LogLevel.info,
+    log_format: LogFormatOption = LogFormat.text,
 ) -> None:
     """Run one process of a train, as compose.yaml does, or (`together`) all of them in one."""
     from .run import RunOptions, run_role
 
+    choose(log_level, log_format)
     rotation = (rotate_mib, rotate_min, least_free_mib)
     options = RunOptions(
         role,

@@ -2,9 +2,4 @@
 
 from __future__ import annotations
 
-import sys
-
-
-def say(sentence: str) -> None:
-    """A sentence to whoever started the command."""
-    print(f"milepost: {sentence}", file=sys.stderr, flush=True)
+from milepost.runtime.logs.records import say as say

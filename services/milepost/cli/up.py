@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING
 
 from milepost.config.errors import ConfigError
 from milepost.runtime.launch import share_what_is_loaded
+from milepost.runtime.logs.records import set_up_log
 from milepost.runtime.stop_signals import StopSignals
 from milepost.runtime.supervisor import Child, Supervisor
 
@@ -41,6 +42,7 @@ MEASURING = ("sentinel", "observer")
 def run_up(options: UpOptions) -> int:
     """Start everything, show it, end it. Raises ConfigError before anything starts."""
     began_ns = time.time_ns() - round(age_s() * 1e9)
+    set_up_log("up")
     say(f"reading {', '.join(map(str, [*options.train_files, *([options.fleet_file] if options.fleet_file else [])]))}")
     with _nothing_to_end():
         options = _check(options)

@@ -9,9 +9,18 @@ import typer
 
 from milepost.config.errors import ConfigError
 from milepost.config.shipped_files import find_file
+from milepost.runtime.logs.records import LogFormat, LogLevel, choose
 from milepost.runtime.zenoh_config import DEFAULT_ENDPOINT
 
-from .options import DEFAULT_TRAIN, RecordOption, StateDirOption, complete_fleet, complete_train
+from .options import (
+    DEFAULT_TRAIN,
+    LogFormatOption,
+    LogLevelOption,
+    RecordOption,
+    StateDirOption,
+    complete_fleet,
+    complete_train,
+)
 
 
 def up(
@@ -86,12 +95,15 @@ def up(
             "and fleets.",
         ),
     ] = False,
+    log_level: LogLevelOption = LogLevel.info,
+    log_format: LogFormatOption = LogFormat.text,
 ) -> None:
     """Start trains and show them: a router, and one process for each sensor, each filter, the fuser and the balise service."""
     from .crews.options import UpOptions
     from .machines.web_servers import WebPorts
     from .up import run_up
 
+    choose(log_level, log_format)
     if fleet is not None and train:
         raise ConfigError("up", "--fleet", "names its trains itself; leave out --train")
     if external and (fleet is not None or len(train) > 1):

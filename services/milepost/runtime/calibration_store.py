@@ -11,6 +11,8 @@ from pathlib import Path
 from milepost.nodes.base import Output
 from milepost.nodes.filter import FilterNode
 
+from .logs.records import log_event
+
 log = logging.getLogger("milepost")
 WRITE_EVERY_NS = 5 * 10**9
 LARGEST_BYTES = 65536
@@ -36,7 +38,7 @@ class CalibrationStore:
             log.warning("%s: %s", self._path, error.strerror)
             return
         for output in self._node.restore(kept, now_ns):
-            log.info("%s", getattr(output.message, "text", ""))
+            log_event(output.message)
             yield output
 
     def once_a_second(self, now_ns: int) -> None:

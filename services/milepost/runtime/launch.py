@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import ctypes
 import gc
+import logging
 import os
 import signal
 import subprocess
 import sys
-import traceback
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -20,6 +20,7 @@ import setproctitle
 
 from milepost.config.errors import ConfigError
 
+from .logs.records import failed, say
 from .stop_signals import STOPPING, forget_signals
 
 PR_SET_PDEATHSIG = 1
@@ -76,20 +77,20 @@ def end_with_parent(parent: int) -> None:
 
 
 def exit_code(run: Callable[[], int | None]) -> int:
-    """Run to the end; a mistake in a configuration (2), a failing or a full system (1) is one line, a bug (1) a traceback."""
+    """Run to the end; a mistake in a configuration (2), a failing or a full system (1) and, in a log, a bug (1) is one line."""
     try:
         return run() or 0
     except ConfigError as error:
-        print(f"milepost: {error}", file=sys.stderr)
+        say(str(error), logging.ERROR)
         return CONFIGURATION_ERROR
     except OSError as error:  # a file, a port, no router
-        print(f"milepost: {error}", file=sys.stderr)
+        say(str(error), logging.ERROR)
         return 1
     except MemoryError:
-        print("milepost: out of memory", file=sys.stderr)
+        say("out of memory", logging.ERROR)
         return 1
-    except Exception:
-        traceback.print_exc()
+    except Exception as error:
+        failed(error)
         return 1
 
 

@@ -6,7 +6,6 @@ import logging
 import os
 import queue
 import signal
-import sys
 import uuid
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, ExitStack, nullcontext
@@ -16,6 +15,7 @@ from typing import Any
 
 from milepost.config.roles import ROLES
 from milepost.config.train import Train
+from milepost.estimation.time_units import NS_PER_S
 from milepost.nodes.base import Node
 from milepost.nodes.world import WorldNode
 from milepost.offline.collector import rare_collection
@@ -25,6 +25,8 @@ from milepost_schemas import SimulationStart
 from . import scenario_time, zenoh_config
 from .bus import Inbox, Stop, ZenohBus, open_session
 from .clock import Clock
+from .logs.output import zenoh_in_log
+from .logs.records import set_up_log
 from .runner import Runner
 from .session_file import whole
 from .together.part import (
@@ -59,13 +61,6 @@ class ProcessOptions:
     change: str | None = None
 
 
-def set_up_log(name: str) -> None:
-    """Log lines to standard error, with the process's name."""
-    logging.basicConfig(
-        stream=sys.stderr, format=f"%(asctime)s {name}: %(message)s", datefmt="%H:%M:%S", level=logging.INFO, force=True
-    )
-
-
 def stop_on_signals(inbox: Inbox) -> None:
     """SIGTERM and SIGINT end the process through its inbox, so that the session closes and the token goes."""
     for number in (signal.SIGTERM, signal.SIGINT):
@@ -82,16 +77,17 @@ def run_process(train: Train, role_name: str, unit: str, options: ProcessOptions
         world = train.world(options.duration_s)
     part = Part(train, role, unit, world, options.duration_s)
     name = part.name
-    set_up_log(name if options.change is None else f"{train.name} {name}")
+    set_up_log(name, train.name, options.change is not None)
     # built once before anything is declared, so that a mistake in the configuration shows before anything starts
     node = part.first_node(uuid.uuid4().hex[:8])
     # opening waits for a router inside Zenoh, where Python cannot see a signal
     signal.signal(signal.SIGINT, signal.SIG_DFL)
-    with open_session(zenoh_config.client(options.connection)) as session:
+    with zenoh_in_log(), open_session(zenoh_config.client(options.connection)) as session:
         bus = ZenohBus(session, train.name)
         stop_on_signals(bus.inbox)
         listen(bus, node, name)
         declare_alive(bus, node, name)
+        log.debug("there as instance %s, of %s", node.instance, train.path)
         with ExitStack() as announced:
             start: SimulationStart | None = None
             if train.has_scenario_time:
@@ -101,10 +97,16 @@ def run_process(train: Train, role_name: str, unit: str, options: ProcessOptions
             clock = Clock(start)
             node = part.node_in_time(node, start, clock)
             runner = part.runner(node, bus, clock, start, options.parent)
+            log.debug("begins, at %.2f s of scenario time", _scenario_s(clock, start))
             stopped = _run(runner, bus, node, clock, train, options.state_dir)
+            log.debug("asked to end" if stopped else "has nothing more to do")
             if not stopped and stays(node, start, clock) and start is not None:
                 _stay(bus.inbox, clock, start.end_ns + 2 * GRACE_NS)
             return stopped
+
+
+def _scenario_s(clock: Clock, start: SimulationStart | None) -> float:
+    return (clock.now_ns() - start.start_ns) / NS_PER_S if start is not None else 0.0
 
 
 def _run(runner: Runner, bus: ZenohBus, node: Node, clock: Clock, train: Train, state_dir: Path | None) -> bool:
@@ -154,11 +156,11 @@ def run_router(
     parent: int | None = None,
     link: Sequence[str] = (),
     zenoh_log: str = "error",
-    attend: Callable[[Any], AbstractContextManager[None]] = nullcontext,
+    attend: Callable[[Any], AbstractContextManager[None]] | None = None,
 ) -> None:
     """Run a Zenoh router, linked with others, until stopped, or until `parent` is no longer its parent.
 
-    `attend` does something with its session as long as that is open.
+    `attend` does something with its session as long as that is open, and with what Zenoh writes.
     """
     set_up_log("router")
     inbox: Inbox = queue.SimpleQueue()
@@ -166,7 +168,8 @@ def run_router(
     while True:
         config = zenoh_config.router(listen, link) if config_file is None else whole(config_file)
         certificate = zenoh_config.listening_certificate(config)
-        with open_session(config, zenoh_log) as session, attend(session):
+        reading = zenoh_in_log() if attend is None else nullcontext()
+        with reading, open_session(config, zenoh_log) as session, (attend or nullcontext)(session):
             log.info("listening on %s", ", ".join(config.get("listen", {}).get("endpoints", [])))
             if not _until_renewed(certificate, inbox, parent):
                 return

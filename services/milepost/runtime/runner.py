@@ -18,6 +18,7 @@ from .catching_up.handing_over import HandingOver
 from .clock import Clock
 from .flood import MOST_WAITING, Gate
 from .instances import Change, Instances
+from .logs.records import log_event
 from .meter import Meter
 from .opening import open_message
 
@@ -151,7 +152,7 @@ class Runner:
             self._bus.publish(stream, unit, message)
             self._meter.sent(stream)
             if stream == "event":
-                log.warning("%s", getattr(message, "text", ""))
+                log_event(message)
 
     def _once_a_second(self, now_ns: int) -> None:
         """Health, and processes that have a second instance."""

@@ -2,30 +2,23 @@
 
 from __future__ import annotations
 
-import contextlib
-import logging
-import os
 import queue
 import threading
 import time
 import uuid
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 from milepost.runtime.bus import ZenohBus
+from milepost.runtime.logs.output import reading_output
+from milepost.runtime.logs.records import log_event
 from milepost.runtime.process import run_router
 from milepost.runtime.session_file import whole
 from milepost_schemas import Event
 
 from .refusals import LOG_FILTER, Refusals
-
-log = logging.getLogger("milepost")
-READ_BYTES, PIPE_BYTES = 1 << 18, 1 << 20
-# a line that is longer is no line of Zenoh's
-LONGEST = 1 << 16
-F_SETPIPE_SZ = 1031
 
 Said = queue.SimpleQueue[tuple[str, str] | None]
 
@@ -49,7 +42,8 @@ def run_named_router(listen: list[str], config_file: Path | None, parent: int | 
             said.put(None)
             speaker.join()
 
-    with _read_output(Refusals(lambda code, text: said.put((code, text)))):
+    refusals = Refusals(lambda code, text: said.put((code, text)))
+    with reading_output(refusals.line, refusals.rest):
         run_router(listen, config_file, parent, link, LOG_FILTER, attend)
 
 
@@ -58,45 +52,9 @@ def _speak(said: Said, bus: ZenohBus, name: str) -> None:
     instance, sequence = uuid.uuid4().hex[:8], 0
     while (sentence := said.get()) is not None:
         code, text = sentence
-        log.warning("%s", text)
         now_ns = time.time_ns()
         head: dict[str, Any] = {"train": bus.train, "unit": name, "instance": instance, "sequence": sequence}
         event = Event(**head, measured_at_ns=now_ns, published_at_ns=now_ns, severity="warning", code=code, text=text)
+        log_event(event)
         bus.publish("event", "", event)
         sequence += 1
-
-
-@contextmanager
-def _read_output(refusals: Refusals) -> Iterator[None]:
-    """Have standard output, where Zenoh logs, read line by line; what is not understood is passed on."""
-    before = os.dup(1)
-    output, inlet = os.pipe()
-    with contextlib.suppress(OSError):
-        _widen(inlet)
-    os.dup2(inlet, 1)
-    os.close(inlet)
-    reader = threading.Thread(target=_read, args=(output, refusals, lambda text: os.write(before, text.encode())), daemon=True)
-    reader.start()
-    try:
-        yield
-    finally:
-        os.dup2(before, 1)
-        reader.join(1.0)
-
-
-def _widen(pipe: int) -> None:
-    import fcntl
-
-    fcntl.fcntl(pipe, F_SETPIPE_SZ, PIPE_BYTES)
-
-
-def _read(output: int, refusals: Refusals, pass_on: Callable[[str], object]) -> None:
-    begun = b""
-    while part := os.read(output, READ_BYTES):
-        *lines, begun = (begun + part).split(b"\n")
-        begun = begun[-LONGEST:]
-        for line in lines:
-            text = line.decode(errors="replace")
-            if not refusals.line(text):
-                pass_on(text + "\n")
-        refusals.rest()

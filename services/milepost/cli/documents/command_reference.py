@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 import re
 from collections.abc import Iterator
+from enum import Enum
 from pathlib import Path
 from types import NoneType
 from typing import Any, get_args, get_origin, get_type_hints
@@ -63,15 +64,20 @@ def _values(parameter: Parameter, hint: Any) -> str:
     kinds = [each for each in get_args(hint) or (hint,) if each is not NoneType]
     if kinds == [bool]:
         return ""
-    words = " or ".join(WORDS[each] for each in kinds)
+    words = " or ".join(_word(each) for each in kinds)
     limits = [f"{sign} {limit:g}" for sign, limit in (("≥", parameter.min), ("≤", parameter.max)) if limit is not None]
     return f"{words} {', '.join(limits)}".strip() + (", repeatable" if several else "")
+
+
+def _word(kind: Any) -> str:
+    return ", ".join(f"`{each.value}`" for each in kind) if issubclass(kind, Enum) else WORDS[kind]
 
 
 def _default(parameter: Parameter) -> str:
     value = parameter.default
     if value in (None, False, "", (), []):
         return ""
+    value = value.value if isinstance(value, Enum) else value
     return f"`{', '.join(map(str, value)) if isinstance(value, list | tuple) else value}`"
 
 

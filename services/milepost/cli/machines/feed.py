@@ -10,6 +10,7 @@ from milepost.cli.endpoint import port_is_free
 from milepost.cli.say import say
 from milepost.config.errors import ConfigError
 from milepost.config.line_tracks import LineTracks
+from milepost.runtime.logs.records import set_up_log
 from milepost.runtime.zenoh_config import Connection
 
 
@@ -36,18 +37,25 @@ def check_port(host: str, port: int, command: str, option: str) -> None:
 
 
 def feed_body(
-    connection: Connection, host: str, port: int, lines: Sequence[Path], tell: Callable[[str], None] | None = None
+    connection: Connection,
+    host: str,
+    port: int,
+    lines: Sequence[Path],
+    tell: Callable[[str], None] | None = None,
+    url: str = "",
 ) -> None:
     """Serve until stopped. Raises ConfigError for a line file that cannot be used."""
     from milepost.runtime.web.feed_server import run_feed
 
-    run_feed(connection, host, port, LineTracks(lines, say), tell)
+    set_up_log("feed")
+    run_feed(connection, host, port, LineTracks(lines, say), tell, url)
 
 
-def run_feed_command(connection: Connection, host: str, port: int, lines: Sequence[Path]) -> int:
+def run_feed_command(connection: Connection, host: str, port: int, lines: Sequence[Path], url: str = "") -> int:
     """`milepost feed`. Raises ConfigError."""
+    set_up_log("feed")
     check_feed(host, port, "feed", "--port")
     # opening a session waits inside Zenoh, where Python cannot see a signal
     signal.signal(signal.SIGINT, signal.SIG_DFL)
-    feed_body(connection, host, port, lines, say)
+    feed_body(connection, host, port, lines, say, url)
     return 0

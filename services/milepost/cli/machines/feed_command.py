@@ -7,7 +7,8 @@ from typing import Annotated
 
 import typer
 
-from milepost.cli.options import ConnectOption, ZenohConfigOption
+from milepost.cli.options import ConnectOption, LogFormatOption, LogLevelOption, UrlOption, ZenohConfigOption
+from milepost.runtime.logs.records import LogFormat, LogLevel, choose
 from milepost.runtime.zenoh_config import DEFAULT_ENDPOINT
 
 DEFAULT_PORT = 9470
@@ -24,8 +25,12 @@ def feed(
     ] = [],  # noqa: B006
     connect: ConnectOption = [DEFAULT_ENDPOINT],  # noqa: B006
     zenoh_config: ZenohConfigOption = None,
+    url: UrlOption = "",
+    log_level: LogLevelOption = LogLevel.info,
+    log_format: LogFormatOption = LogFormat.text,
 ) -> None:
     """Serve the trains on a router over HTTP: /metrics (Prometheus), /vehicle-positions.pb (GTFS-Realtime), /trains.geojson."""
     from .feed import run_feed_command
 
-    raise typer.Exit(run_feed_command(zenoh_config or connect, host, port, line))
+    choose(log_level, log_format)
+    raise typer.Exit(run_feed_command(zenoh_config or connect, host, port, line, url))

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from milepost.cli.say import say
 from milepost.config.errors import ConfigError
 from milepost.config.line_tracks import KnownLines
+from milepost.runtime.logs.records import set_up_log
 from milepost.runtime.zenoh_config import Connection
 
 from .feed import check_port
@@ -28,12 +29,18 @@ def check_page(host: str, port: int, command: str, option: str) -> None:
 
 
 def page_body(
-    connection: Connection, host: str, port: int, lines: Sequence[Path], tell: Callable[[str], None] | None = None
+    connection: Connection,
+    host: str,
+    port: int,
+    lines: Sequence[Path],
+    tell: Callable[[str], None] | None = None,
+    url: str = "",
 ) -> None:
     """Serve until stopped. Raises ConfigError for a line file that cannot be used."""
     from milepost.runtime.web.page_server import run_page
 
-    run_page(connection, host, port, KnownLines(lines, say), lambda order: _send(connection, order), tell)
+    set_up_log("page")
+    run_page(connection, host, port, KnownLines(lines, say), lambda order: _send(connection, order), tell, url)
 
 
 def _send(connection: Connection, order: Order) -> Answer:
@@ -51,10 +58,11 @@ def _send(connection: Connection, order: Order) -> Answer:
     return Answer(answer.code != "fault_refused", answer.text.rpartition(" (")[0])
 
 
-def run_page_command(connection: Connection, host: str, port: int, lines: Sequence[Path]) -> int:
+def run_page_command(connection: Connection, host: str, port: int, lines: Sequence[Path], url: str = "") -> int:
     """`milepost page`. Raises ConfigError."""
+    set_up_log("page")
     check_page(host, port, "page", "--port")
     # opening a session waits inside Zenoh, where Python cannot see a signal
     signal.signal(signal.SIGINT, signal.SIG_DFL)
-    page_body(connection, host, port, lines, say)
+    page_body(connection, host, port, lines, say, url)
     return 0

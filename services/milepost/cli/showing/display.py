@@ -10,6 +10,7 @@ from typing import Literal
 from milepost.runtime import zenoh_config
 from milepost.runtime.instances import Token
 from milepost.runtime.listening import listening
+from milepost.runtime.logs.records import set_up_log
 from milepost.runtime.stop_signals import StopSignals
 from milepost_schemas import FusedState, Message
 
@@ -26,6 +27,8 @@ def run_display(
     connection: zenoh_config.Connection, trains: Sequence[str], expected: Sequence[str], mode: Mode, began_ns: int
 ) -> None:
     """Show trains until stopped. In a table, what comes on standard input is shown line by line."""
+
+    set_up_log("display")
 
     def age_s() -> float:
         return (time.time_ns() - began_ns) * 1e-9

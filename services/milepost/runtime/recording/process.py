@@ -26,7 +26,9 @@ from milepost_schemas import BY_NAME, STREAMS
 
 from .. import zenoh_config
 from ..bus import Inbox, Question, Stop, ZenohBus, open_session
-from ..process import set_up_log, stop_on_signals
+from ..logs.output import zenoh_in_log
+from ..logs.records import set_up_log
+from ..process import stop_on_signals
 from ..subscribing import subscriber
 from ..zenoh_config import Connection
 from .intake import MOST_KEYS, Intake
@@ -55,14 +57,14 @@ def run_recorder(train: Train, options: RecorderOptions) -> None:
 
 def run_recorders(trains: Sequence[Train], options: RecorderOptions) -> None:
     """Record trains until stopped, each in files of its own. Raises ConfigError for a folder that cannot be written."""
-    set_up_log(NAME if not options.several else f"{trains[0].name} {NAME}" if len(trains) == 1 else f"fleet {NAME}")
+    set_up_log(NAME, trains[0].name if len(trains) == 1 else "fleet", options.several)
     now_ns = time.time_ns()
     recorders = {train.name: Recorder(options.folder, train.name, options.limits, now_ns) for train in trains}
     for train in trains:
         recorders[train.name].describe(MADE_OF, {"file": train.path.name, "fingerprint": fingerprint(train)}, now_ns)
     # opening waits for a router inside Zenoh, where Python cannot see a signal
     signal.signal(signal.SIGINT, signal.SIG_DFL)
-    with open_session(zenoh_config.client(options.connection)) as session:
+    with zenoh_in_log(), open_session(zenoh_config.client(options.connection)) as session:
         inbox: Inbox = queue.SimpleQueue()
         stop_on_signals(inbox)
         intake = Intake(most_keys=MOST_KEYS * len(trains))

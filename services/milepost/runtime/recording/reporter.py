@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 import time
 import uuid
 from typing import Any
@@ -15,10 +14,10 @@ from milepost_schemas import Health, SimulationStart, simulation_start_key
 
 from ..bus import ZenohBus
 from ..clock import Clock
+from ..logs.records import log_event
 from ..together.part import declare_alive
 from .intake import Intake
 
-log = logging.getLogger("milepost")
 NAME = "recorder"
 ASK_FOR_S = 0.5
 LOST = "overflow"
@@ -58,8 +57,9 @@ class Reporter:
         self._bus.publish("health", NAME, self._health(now_ns, lost))
 
     def _tell(self, severity: Any, code: str, text: str, now_ns: int) -> None:
-        self._bus.publish(*self._node.event(severity, code, text, now_ns))
-        log.warning("%s", text)
+        event = self._node.event(severity, code, text, now_ns)
+        self._bus.publish(*event)
+        log_event(event.message)
 
     def _ask_for_start(self) -> None:
         told = self._bus.ask(simulation_start_key(self._train.name), SimulationStart, ASK_FOR_S)

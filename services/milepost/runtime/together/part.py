@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,11 +16,11 @@ from milepost.runtime.calibration_store import CalibrationStore, calibration_sto
 from milepost.runtime.catching_up.asking import catch_up, serve
 from milepost.runtime.clock import Clock
 from milepost.runtime.instances import Change, lasting_others
+from milepost.runtime.logs.records import log_event
 from milepost.runtime.runner import Runner, second_instance
 from milepost.sensors.base import World
 from milepost_schemas import SimulationStart
 
-log = logging.getLogger("milepost")
 # a process that comes later than this into a running simulation was started again
 LATE_S = 3.0
 # listeners outlive the end of a simulation by this, to hear its last messages
@@ -121,7 +120,7 @@ def declare_alive(bus: ZenohBus, node: Node, name: str) -> None:
 def publish_event(bus: ZenohBus, output: Output) -> None:
     """Send an event before there is a runner to do it, and log it."""
     bus.publish(*output)
-    log.warning("%s", getattr(output.message, "text", ""))
+    log_event(output.message)
 
 
 def listen(bus: ZenohBus, node: Node, name: str) -> None:

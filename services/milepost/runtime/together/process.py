@@ -10,7 +10,9 @@ from contextlib import ExitStack
 from milepost.offline.collector import rare_collection
 from milepost.runtime import zenoh_config
 from milepost.runtime.bus import open_session
-from milepost.runtime.process import ProcessOptions, set_up_log
+from milepost.runtime.logs.output import zenoh_in_log
+from milepost.runtime.logs.records import set_up_log
+from milepost.runtime.process import ProcessOptions
 from milepost.runtime.stop_signals import STOPPING
 
 from .aboard import Aboard, Boarding, Member
@@ -24,11 +26,11 @@ def run_together(boardings: Sequence[Boarding], options: ProcessOptions) -> bool
 
     What a node raises ends the process, after an event has said so.
     """
-    set_up_log(boardings[0].train.name if len(boardings) == 1 else NAME)
+    set_up_log(NAME, boardings[0].train.name if len(boardings) == 1 else "", several=len(boardings) == 1)
     ready: queue.SimpleQueue[int] = queue.SimpleQueue()
     # opening waits for a router inside Zenoh, where Python cannot see a signal
     signal.signal(signal.SIGINT, signal.SIG_DFL)
-    with open_session(zenoh_config.client(options.connection)) as session, ExitStack() as announced:
+    with zenoh_in_log(), open_session(zenoh_config.client(options.connection)) as session, ExitStack() as announced:
         trains, labels = list[Aboard](), 0
         for boarding in boardings:
             trains.append(Aboard(boarding, session, labels, ready))

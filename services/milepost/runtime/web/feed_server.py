@@ -156,14 +156,19 @@ def serving(host: str, port: int, feed: Feed) -> Iterator[int]:
 
 
 def run_feed(
-    connection: zenoh_config.Connection, host: str, port: int, tracks: Tracks, tell: Callable[[str], None] | None = None
+    connection: zenoh_config.Connection,
+    host: str,
+    port: int,
+    tracks: Tracks,
+    tell: Callable[[str], None] | None = None,
+    url: str = "",
 ) -> None:
     """Serve what is heard on a router until stopped; waits for one. Raises OSError where it cannot listen there."""
     feed = Feed(tracks)
     with serving(host, port, feed) as bound:
         if tell is not None:
             shown = f"[{host}]" if ":" in host else host
-            tell(f"http://{shown}:{bound} has {', '.join(feed.pages)}")
+            tell(f"{url or f'http://{shown}:{bound}'} has {', '.join(feed.pages)}")
         # until the session is open, signals just end this process
         with listening(connection, STREAMS, "*", feed.receive, feed.alive, zenoh_config.client), StopSignals() as stop:
             while not stop.wait(FORGET_EVERY_S):

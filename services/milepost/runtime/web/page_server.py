@@ -102,6 +102,7 @@ def run_page(
     lines: Lines,
     send: Send,
     tell: Callable[[str], None] | None = None,
+    url: str = "",
 ) -> None:
     """Serve what is heard on a router until stopped; waits for one. Raises OSError where it cannot listen there."""
     logging.getLogger("uvicorn").setLevel(logging.CRITICAL)
@@ -113,7 +114,7 @@ def run_page(
     with serving(host, port, heard, lines, chaos):
         if tell is not None:
             shown = f"[{host}]" if ":" in host else host
-            tell(f"the dispatch page is at http://{shown}:{port}")
+            tell(f"the dispatch page is at {url or f'http://{shown}:{port}'}")
         # until the session is open, signals just end this process
         with taking(connection, STREAMS, "*", _taker(heard), alive, zenoh_config.client) as session, StopSignals() as stop:
             chaos.opened(session)

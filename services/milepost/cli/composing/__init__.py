@@ -1,0 +1,1 @@
+"""`milepost compose`: a train as containers."""

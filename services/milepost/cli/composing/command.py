@@ -1,0 +1,36 @@
+"""The command `milepost compose` and its options; it imports its own code when it is called."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from milepost.cli.options import DEFAULT_TRAIN, complete_train
+from milepost.cli.say import say
+from milepost.config.shipped_files import find_file
+
+
+def compose(
+    train: Annotated[
+        Path,
+        typer.Argument(
+            autocompletion=complete_train,
+            help="Train file, or the name of one: looked up in ./deploy/trains, then among those shipped with Milepost.",
+        ),
+    ] = DEFAULT_TRAIN,
+    record: Annotated[bool, typer.Option("--record", help="With a recorder.")] = False,
+    feed: Annotated[
+        bool, typer.Option("--feed", help="With the feed: metrics, vehicle positions and GeoJSON on port 9470 of this machine.")
+    ] = False,
+    page: Annotated[bool, typer.Option("--page", help="With the dispatch page, on port 9480 of this machine.")] = False,
+) -> None:
+    """Print the compose file of a train, a container a process, for the folder in which the command is given."""
+    from .compose import Beside
+    from .compose import compose as composed
+
+    text, unreadable = composed(find_file(train, "trains"), str(train), Beside(record, feed, page))
+    for path in unreadable:
+        say(f"{path}: user 10001, as whom containers run, cannot read it")
+    typer.echo(text, nl=False)

@@ -1,0 +1,1 @@
+"""What processes say beside what they publish."""
