@@ -186,7 +186,7 @@ def test_every_command_takes_its_train_by_the_same_option() -> None:
     commands = dict(typer.main.get_group(app).commands)
     commands |= {f"pki {name}": command for name, command in commands.pop("pki").commands.items()}
     taking = {(name, *p.opts) for name, command in commands.items() for p in command.params if p.name == "train"}
-    named = {"up", "watch", "run", "rerun", "chaos", "inject", "acl", "pki init", "pki issue", "pki rotate"}
+    named = {"up", "watch", "run", "compose", "rerun", "chaos", "inject", "acl", "pki init", "pki issue", "pki rotate"}
     assert taking == {(name, "--train") for name in named}
 
 

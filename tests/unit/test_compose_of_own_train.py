@@ -15,7 +15,12 @@ from milepost.cli.composing.train_files import train_files
 from milepost.config.train import load_train
 
 DEPLOY = Path(__file__).resolve().parents[2] / "deploy"
-CSV = "time_s,speed\n0.0,20.0\n0.5,20.0\n1.0,20.0\n"
+RECORDING = {
+    "file": "../logs/radar.csv",
+    "time": {"column": "t_s"},
+    "columns": {"speed_mps": {"column": "v", "unit": "m/s"}},
+    "constants": {"speed_variance_m2ps2": 0.04},
+}
 
 
 @pytest.fixture
@@ -40,12 +45,6 @@ def changed(path: Path, change: dict[str, Any]) -> Path:
     return path
 
 
-def recording(file: str) -> dict[str, Any]:
-    columns = {"speed_mps": {"column": "speed", "unit": "m/s"}}
-    constants = {"variance_m2ps2": 0.04}
-    return {"file": file, "time": {"column": "time_s", "unit": "s"}, "columns": columns, "constants": constants}
-
-
 def targets(path: Path) -> dict[str, str]:
     return {str(each.target): str(each.source) for each in train_files(load_train(path)).all}
 
@@ -65,6 +64,15 @@ def test_a_train_and_its_line_may_share_a_folder_and_nothing_else_of_it_is_mount
     (folder / "ca.key").write_text("secret", encoding="utf-8")
     path = changed(folder / "mine.yaml", {"line": "line.yaml"})
     assert sorted(targets(path)) == ["/srv/milepost/line.yaml", "/srv/milepost/mine.yaml"]
+
+
+def test_a_recording_is_mounted(folder: Path) -> None:
+    """GIVEN a unit that replays a recording, THEN containers have it where the train file says."""
+    (folder / "logs").mkdir()
+    (folder / "logs" / "radar.csv").write_text("t_s,v\n0.0,20.0\n0.5,20.0\n", encoding="utf-8")
+    change = {"units.radar.source": "recording", "units.radar.recording": RECORDING}
+    path = changed(folder / "trains" / "maglev.yaml", change)
+    assert targets(path)["/srv/milepost/logs/radar.csv"] == str(folder / "logs" / "radar.csv")
 
 
 def test_a_file_that_is_named_by_its_whole_path_is_there_by_it(folder: Path) -> None:

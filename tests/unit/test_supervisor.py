@@ -170,6 +170,16 @@ def test_nothing_is_restarted_once_the_scenario_is_over(supervisor: Supervisor, 
     assert supervisor.watch() == []
 
 
+def test_nobody_waits_for_a_restart_once_the_scenario_is_over(supervisor: Supervisor, clock: Clock) -> None:
+    """GIVEN a process that is to be restarted, WHEN its scenario ends before that, THEN it is no longer waited for."""
+    failed = ended(supervisor.start(job("sensor", "raise SystemExit(3)")))
+    supervisor.watch()
+    assert failed.again_at is not None
+    ended(supervisor.start(job("world", "", restart=False)))
+    supervisor.watch()
+    assert failed.again_at is None
+
+
 def test_the_end_of_one_trains_scenario_ends_no_other_train(clock: Clock) -> None:
     supervisor = Supervisor(launch=python, clock=clock)
     ended(supervisor.start(replace(job("world", ""), train="a")))

@@ -93,6 +93,7 @@ def run_process(train: Train, role_name: str, unit: str, options: ProcessOptions
             if train.has_scenario_time:
                 start = _scenario_start(bus, train, node, name, options, announced)
                 if start is None:
+                    log.debug("asked to end before scenario time began")
                     return True
             clock = Clock(start)
             node = part.node_in_time(node, start, clock)

@@ -98,6 +98,9 @@ class Supervisor:
         """Restart what has failed, a moment after. Returns sentences about what happened."""
         # after its scenario's end a train's restarted process would wait for ever; a world that was asked to end is replaced
         over = {child.job.train for child in self.children if child.name == "world" and not child.running and child.code == 0}
+        for child in self.children:
+            if child.job.train in over:  # nobody is to wait for its restart
+                child.again_at = None
         left = (child for child in self.children if not child.running and child.restart and child.job.train not in over)
         return [sentence for child in left for sentence in self._after(child)]
 

@@ -7,19 +7,17 @@ from typing import Annotated
 
 import typer
 
-from milepost.cli.options import DEFAULT_TRAIN, complete_train
+from milepost.cli.options import DEFAULT_TRAIN, TrainOption, complete_train
 from milepost.cli.say import say
 from milepost.config.shipped_files import find_file
 
 
 def compose(
-    train: Annotated[
-        Path,
-        typer.Argument(
-            autocompletion=complete_train,
-            help="Train file, or the name of one: looked up in ./deploy/trains, then among those shipped with Milepost.",
-        ),
-    ] = DEFAULT_TRAIN,
+    file: Annotated[
+        Path | None,
+        typer.Argument(metavar="TRAIN", autocompletion=complete_train, help="The same as --train, in short."),
+    ] = None,
+    train: TrainOption = DEFAULT_TRAIN,
     record: Annotated[bool, typer.Option("--record", help="With a recorder.")] = False,
     feed: Annotated[
         bool, typer.Option("--feed", help="With the feed: metrics, vehicle positions and GeoJSON on port 9470 of this machine.")
@@ -30,7 +28,8 @@ def compose(
     from .compose import Beside
     from .compose import compose as composed
 
-    text, unreadable = composed(find_file(train, "trains"), str(train), Beside(record, feed, page))
+    given = file or train
+    text, unreadable = composed(find_file(given, "trains"), str(given), Beside(record, feed, page))
     for path in unreadable:
         say(f"{path}: user 10001, as whom containers run, cannot read it")
     typer.echo(text, nl=False)
