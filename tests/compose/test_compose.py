@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import statistics
+import subprocess
 import time
 from itertools import pairwise
 
@@ -130,6 +132,18 @@ def test_a_crashed_process_comes_back_by_itself(stack: Stack) -> None:
     stack.figures["crash to normal again s"] = listener.states[back][0] - listener.states[out][0]
     assert stack.inspect("filter-loop")["RestartCount"] == 1
     check_against_truth(stack, listener.span(back, epochs=50))
+
+
+@pytest.mark.parametrize("service", SERVICES)
+def test_every_line_of_a_log_is_a_record(stack: Stack, service: str) -> None:
+    """GIVEN containers that were killed, crashed and came back, THEN programs can read every line of their logs."""
+    command = ["docker", "logs", stack.container(service)]
+    done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=30.0)
+    for line in (done.stdout + done.stderr).splitlines():
+        record = json.loads(line)
+        assert record["process"] == service
+        assert record["level"] in ("info", "warning", "error")
+        assert "Traceback" not in line
 
 
 # the last one: nothing runs after it

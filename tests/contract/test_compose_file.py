@@ -81,7 +81,7 @@ def test_router_takes_the_file_that_zenohd_takes() -> None:
 
 def test_the_second_router_is_linked_with_the_first() -> None:
     command = SERVICES["router-2"]["command"]
-    assert command == ["run", "router", "--listen", "tcp/0.0.0.0:7447", "--link", "tcp/router:7447"]
+    assert command == ["run", "router", "router-2", "--listen", "tcp/0.0.0.0:7447", "--link", "tcp/router:7447"]
 
 
 @pytest.mark.parametrize("name", SERVICES)

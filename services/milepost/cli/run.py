@@ -70,8 +70,9 @@ def _run_router(options: RunOptions) -> None:
         raise ConfigError("run", "--link", f"not with --config: {options.config} says itself, in `connect`, with whom it links")
     from milepost.security.router import run_named_router
 
-    set_up_log("router")
-    run_named_router(options.listen, options.config, options.parent, options.link)
+    name = options.unit or "router"
+    set_up_log(name)
+    run_named_router(options.listen, options.config, options.parent, options.link, name)
 
 
 def _run_recorder(options: RunOptions) -> None:

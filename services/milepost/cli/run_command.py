@@ -28,7 +28,7 @@ def run(
         str,
         typer.Argument(help="One of router, world, sensor, filter, balise, fuser, voter, etcs, recorder, together."),
     ],
-    unit: Annotated[str, typer.Argument(help="The unit, for a sensor or a filter.")] = "",
+    unit: Annotated[str, typer.Argument(help="The unit, for a sensor or a filter; `router-2` for a second router.")] = "",
     train: TrainOption = DEFAULT_TRAIN,
     connect: ConnectOption = [DEFAULT_ENDPOINT],  # noqa: B006
     zenoh_config: ZenohConfigOption = None,

@@ -158,12 +158,13 @@ def run_router(
     link: Sequence[str] = (),
     zenoh_log: str = "error",
     attend: Callable[[Any], AbstractContextManager[None]] | None = None,
+    name: str = "router",
 ) -> None:
     """Run a Zenoh router, linked with others, until stopped, or until `parent` is no longer its parent.
 
-    `attend` does something with its session as long as that is open, and with what Zenoh writes.
+    `attend` does something with its session as long as that is open, and with what Zenoh writes. `name`: of several, which one.
     """
-    set_up_log("router")
+    set_up_log(name)
     inbox: Inbox = queue.SimpleQueue()
     stop_on_signals(inbox)
     while True:

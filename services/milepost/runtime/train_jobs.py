@@ -36,7 +36,7 @@ def router_jobs(
             options += ["--config", str(file)]
         else:
             options += ["--listen", endpoint, *(word for other in link for word in ("--link", other))]
-        yield Job(name, ("run", "router", *second), tuple(options), partial(run, [endpoint], file, parent, link))
+        yield Job(name, ("run", "router", *second), tuple(options), partial(run, [endpoint], file, parent, link, name=name))
 
 
 def checked_world(train: Train, duration_s: float | None, external: Sequence[str] = ()) -> World | None:

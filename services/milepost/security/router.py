@@ -23,12 +23,14 @@ from .refusals import LOG_FILTER, Refusals
 Said = queue.SimpleQueue[tuple[str, str] | None]
 
 
-def run_named_router(listen: list[str], config_file: Path | None, parent: int | None = None, link: Sequence[str] = ()) -> None:
+def run_named_router(
+    listen: list[str], config_file: Path | None, parent: int | None = None, link: Sequence[str] = (), name: str = "router"
+) -> None:
     """Run a router until it is stopped; one whose file has access control also says whom it refuses. Raises ConfigError."""
     config = {} if config_file is None else whole(config_file)
     about = config.get("metadata") or {}
     if not config.get("access_control", {}).get("enabled") or not {"train", "name"} <= set(about):
-        run_router(listen, config_file, parent, link)
+        run_router(listen, config_file, parent, link, name=name)
         return
     said: Said = queue.SimpleQueue()
 
@@ -44,7 +46,7 @@ def run_named_router(listen: list[str], config_file: Path | None, parent: int | 
 
     refusals = Refusals(lambda code, text: said.put((code, text)))
     with reading_output(refusals.line, refusals.rest):
-        run_router(listen, config_file, parent, link, LOG_FILTER, attend)
+        run_router(listen, config_file, parent, link, LOG_FILTER, attend, about["name"])
 
 
 def _speak(said: Said, bus: ZenohBus, name: str) -> None:
