@@ -14,7 +14,7 @@ from types import SimpleNamespace
 import pytest
 
 from milepost.runtime.logs.output import log_zenoh
-from milepost.runtime.logs.records import FORMAT_VARIABLE, LEVEL_VARIABLE, Lines, failed, log_event, say
+from milepost.runtime.logs.records import FORMAT_VARIABLE, LEVEL_VARIABLE, Lines, failed, log_event, message_of, say
 
 log = logging.getLogger("milepost")
 STAMP = r"20\d\d-\d\d-\d\dT\d\d:\d\d:\d\d\.\d{3}Z"
@@ -98,6 +98,16 @@ def test_an_event_is_as_bad_as_it_says_and_has_its_code(
     log_event(SimpleNamespace(severity=severity, code="flood", text="too many"))
     found = json.loads(lines[0])
     assert (found["level"], found["code"], found["message"]) == (severity, "flood", "too many")
+
+
+@pytest.mark.parametrize("form", ["text", "json"])
+def test_a_line_tells_what_it_says_to_who_shows_it(lines: list[str], monkeypatch: pytest.MonkeyPatch, form: str) -> None:
+    """GIVEN a process's last line, THEN `up` shows what it says, without date, level and name."""
+    monkeypatch.setenv(FORMAT_VARIABLE, form)
+    log.error("no disk: sda")
+    assert message_of(lines[0]) == "no disk: sda"
+    assert message_of("milepost: a.yaml: units: none ") == "milepost: a.yaml: units: none"
+    assert message_of("[1]") == "[1]"
 
 
 def test_what_zenoh_writes_keeps_its_level(lines: list[str]) -> None:

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import IO
 
 from .launch import ASKED_TO_END, CONFIGURATION_ERROR, Job, Launch, is_router, launch
+from .logs.records import message_of
 
 RESTART_AFTER_S = 0.5
 LONGEST_WAIT_S = 8.0
@@ -166,7 +167,7 @@ def _send(child: Child, number: signal.Signals) -> None:
 def _last_words(child: Child) -> str:
     """What a process that ended by itself wrote last; a killed one has said nothing about it."""
     tail = child.tail() if (child.code or 0) > 0 else []
-    return f": {tail[-1].strip()}" if tail else ""
+    return f": {message_of(tail[-1])}" if tail else ""
 
 
 def _why(code: int) -> str:

@@ -5,9 +5,11 @@ Level and format are taken from the environment: forks, spawned commands and con
 
 from __future__ import annotations
 
+import contextlib
 import json
 import logging
 import os
+import re
 import sys
 import threading
 import traceback
@@ -18,6 +20,7 @@ from types import TracebackType
 from typing import Any
 
 LEVEL_VARIABLE, FORMAT_VARIABLE = "MILEPOST_LOG_LEVEL", "MILEPOST_LOG_FORMAT"
+HEAD = re.compile(r"^\d{4}-\d\d-\d\dT[\d:.]+Z [a-z]+ [^:]+: ")
 log = logging.getLogger("milepost")
 
 
@@ -88,6 +91,13 @@ def in_short(error: BaseException) -> str:
     return f"{type(error).__name__}: {error}{place}"
 
 
+def message_of(line: str) -> str:
+    """What a process had to say, of a line that it wrote."""
+    with contextlib.suppress(ValueError, KeyError, TypeError):
+        return str(json.loads(line)["message"])
+    return HEAD.sub("", line).strip()
+
+
 def set_up_log(process: str, train: str = "", several: bool = False) -> None:
     """From now on this process logs, under its name; what other libraries say only from warnings on."""
     handler = logging.StreamHandler(sys.stderr)
@@ -128,8 +138,7 @@ def failed(error: BaseException) -> None:
         return
     if _formatter() is None:
         set_up_log("milepost")
-    text = "ends" if _level() == logging.DEBUG else "ends (its traceback is shown with the log level debug)"
-    log.error(text, exc_info=_told(error))
+    log.error("ends", exc_info=_told(error))
 
 
 def _told(error: BaseException) -> tuple[type[BaseException], BaseException, TracebackType | None]:
