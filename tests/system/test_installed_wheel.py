@@ -12,6 +12,7 @@ import zipfile
 from pathlib import Path
 
 import pytest
+import yaml
 
 from conftest import free_port
 
@@ -108,6 +109,17 @@ def test_a_train_without_its_recording_says_so(installed: Installed, train: str)
     mistake = done.stderr.splitlines()[-1]
     assert f"{train}.yaml: " in mistake
     assert "shared/data" in mistake
+
+
+def test_a_compose_file_is_printed_for_an_image_that_is_built_elsewhere(installed: Installed) -> None:
+    """GIVEN no repository, THEN the file of a shipped train mounts the wheel's files, and no service builds the image."""
+    done = installed.milepost("compose", "metro", "--page")
+    assert done.returncode == 0, done.stderr
+    found = yaml.safe_load(done.stdout)
+    assert not [name for name, service in found["services"].items() if "build" in service]
+    inside = Path(installed.python("import milepost; print(milepost.__path__[0])")) / "deploy"
+    sources = [each["source"] for each in found["x-process"]["volumes"]]
+    assert sources == [str(inside / "trains" / "metro.yaml"), str(inside / "lines" / "metro.yaml")]
 
 
 def test_a_scenario_without_its_recording_is_skipped(installed: Installed) -> None:

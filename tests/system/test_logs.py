@@ -59,8 +59,9 @@ def test_debug_lines_have_date_level_and_name(router):
     assert "there as instance" in lines[0]
 
 
-def test_a_process_that_has_nothing_to_tell_says_nothing(router):
-    assert said_until_stopped(router) == []
+def test_what_is_for_debugging_is_not_said_unless_asked_for(router):
+    # where the machine is slow, it has a router to wait for, and says so
+    assert not [line for line in said_until_stopped(router) if " warning " not in line]
 
 
 def test_json_is_asked_for_by_an_option_or_by_the_environment(router):
@@ -68,18 +69,24 @@ def test_json_is_asked_for_by_an_option_or_by_the_environment(router):
     by_variable = said_until_stopped(router, MILEPOST_LOG_LEVEL="debug", MILEPOST_LOG_FORMAT="json")
     for lines in (by_option, by_variable):
         found = records(lines)
-        assert {(each["process"], each["train"], each["level"]) for each in found} == {("filter-radar", "maglev-1", "debug")}
+        assert {(each["process"], each["train"]) for each in found} == {("filter-radar", "maglev-1")}
+        assert "debug" in {each["level"] for each in found}
 
 
 @pytest.mark.parametrize("form", ["text", "json"])
 @pytest.mark.parametrize("level", ["info", "debug"])
 def test_a_bug_is_one_line_and_its_traceback_is_for_who_asks(form, level):
     """GIVEN a train with a process whose node raises, THEN it says in a line what and where; the traceback is for debugging."""
-    options = ["up", "--headless", "--train", MAGLEV, "--duration", "3", "--listen", f"tcp/127.0.0.1:{free_port()}"]
+    options = ["up", "--headless", "--train", MAGLEV, "--listen", f"tcp/127.0.0.1:{free_port()}"]
     options += ["--log-format", form, "--log-level", level]
-    done = subprocess.run([sys.executable, "-c", WITH_A_BUG, *options], capture_output=True, text=True, timeout=60)
-    assert ("Traceback" in done.stderr) == (level == "debug")
-    lines = done.stderr.splitlines()
+    lines = []
+    with subprocess.Popen([sys.executable, "-c", WITH_A_BUG, *options], stderr=subprocess.PIPE, text=True) as process:
+        for line in process.stderr:
+            lines.append(line.rstrip("\n"))
+            if "balise restarted" in line:
+                process.send_signal(signal.SIGTERM)
+    assert process.returncode == 0
+    assert any("Traceback" in line for line in lines) == (level == "debug")
     if form == "json":
         found = [json.loads(line) for line in lines]
         bugs = [each for each in found if each["process"] == "balise" and each["message"].startswith("ends")]
@@ -90,7 +97,7 @@ def test_a_bug_is_one_line_and_its_traceback_is_for_who_asks(form, level):
     else:
         bugs = [line for line in lines if "error balise: ends" in line]
         assert all("RuntimeError: a bug of two lines" in line for line in bugs)
-        assert level == "debug" or all(LINE.fullmatch(line) or line.startswith("milepost: ") for line in lines), done.stderr
+        assert level == "debug" or all(LINE.fullmatch(line) or line.startswith("milepost: ") for line in lines), lines
     assert bugs
 
 

@@ -135,6 +135,26 @@ def test_a_sentence_of_a_command_is_for_people_unless_records_are_json(
     assert capsys.readouterr().err == ""
 
 
+WRITER = """
+import sys
+from milepost.runtime.logs.records import say, set_up_log
+set_up_log(sys.argv[1])
+for _ in range(300): say("x" * 200)
+"""
+
+
+def test_lines_of_several_processes_stay_whole() -> None:
+    """GIVEN processes that write to one pipe without a buffer, as in a container, THEN none breaks another one's line."""
+    environment = {**os.environ, FORMAT_VARIABLE: "json", "PYTHONUNBUFFERED": "1"}
+    read, write = os.pipe()
+    writers = [subprocess.Popen([sys.executable, "-c", WRITER, str(n)], stderr=write, env=environment) for n in range(4)]
+    os.close(write)
+    with os.fdopen(read, encoding="utf-8") as pipe:
+        found = [json.loads(line) for line in pipe]
+    assert [writer.wait(60.0) for writer in writers] == [0] * 4
+    assert len(found) == 1200
+
+
 THREADS = """
 import os, threading
 from milepost.runtime.logs.output import zenoh_in_log

@@ -128,7 +128,9 @@ def say(sentence: str, level: int = logging.INFO) -> None:
             return
         record = logging.LogRecord(log.name, level, "", 0, sentence, None, None)
         line = (_formatter() or Lines("milepost")).format(record)
-    print(line, file=sys.stderr, flush=True)
+    # in one piece: several processes write to the same terminal or pipe
+    sys.stderr.write(f"{line}\n")
+    sys.stderr.flush()
 
 
 def failed(error: BaseException) -> None:
