@@ -16,6 +16,7 @@ from milepost.runtime.zenoh_config import DEFAULT_ENDPOINT
 from .campaign_command import campaign
 from .chaos_command import chaos
 from .helper_commands import display, observe, sentinel, vacant
+from .importing.command import import_log
 from .inject_command import FREE_OPTIONS, inject
 from .machines.etcs_command import etcs
 from .machines.feed_command import feed
@@ -86,6 +87,7 @@ app.command(context_settings=FREE_OPTIONS)(inject)
 
 
 app.command()(run)
+app.command(name="import")(import_log)
 
 
 @app.command()
