@@ -81,7 +81,7 @@ def gnss_options(solutions: Sequence[str], noise_m: float, rate_hz: float, state
     """The options of a receiver. `stated`: its log has accuracies; `speed`: and speeds; `alone`: no other unit is there."""
     white = {each: round(min(max(3.0 * noise_m, 0.2), FIX_STD_M[each]), 2) for each in OFFSET_STD_M}
     known = [each for each in FIX_STD_M if each in solutions]
-    stds = {each: white.get(each, FIX_STD_M[each]) for each in known}
+    stds = {each: white.get(each, max(FIX_STD_M[each], round(2.0 * noise_m, 2))) for each in known}
     offsets = {each: OFFSET_STD_M[each] for each in known if each in OFFSET_STD_M}
     out = [
         f"rate_hz: {rate_hz:g}",

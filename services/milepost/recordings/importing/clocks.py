@@ -34,7 +34,7 @@ def on_the_clock_of(log: LogFile, own: Column, common: Column) -> tuple[Column, 
     if not math.isfinite(most_s) or most_s - least_s > LATEST_S:
         return None
     told = (
-        f"fixes are timed by the receiver's own clock, {own.name}: {common.name} is up to {most_s - least_s:.2f} s late. Nothing "
-        f"tells whether {own.name} is late too: see `zero_at` of unit gnss"
+        f"fixes are timed by the receiver's own clock, {own.name}: {common.name} is up to {most_s - least_s:.2f} s late. "
+        f"Nothing tells whether {own.name} is late too: see `zero_at` of unit gnss"
     )
     return replace(own, ahead_s=least_s, why=f"{own.why}, on the clock of {common.name}"), told
