@@ -152,9 +152,8 @@ def _as_column(log: LogFile, field: Field, name: str, told: Said, why: str) -> C
     fitting = [value for value in numbers if not math.isnan(value) and field.least <= value * ratio <= field.most]
     if not texts or len(fitting) < FITTING_PART * len(numbers):
         return None
-    return Column(
-        field.name, name, unit, why if field.name in told.units or named or field.unit == "1" else f"{why}, unit assumed"
-    )
+    sure = field.name in told.units or named is not None or field.unit == "1" or field.quantity == "angle"
+    return Column(field.name, name, unit, why if sure else f"{why}, unit assumed")
 
 
 def _time(log: LogFile, name: str, texts: Sequence[str], named: str | None, why: str) -> Column | None:
