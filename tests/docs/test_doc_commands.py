@@ -25,7 +25,7 @@ EXTRAS = set(tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8")
 GROUP: Any = typer.main.get_group(app)
 # programs that are not ours; what is checked of them is below
 KNOWN = {"make", "docker", "curl", "pip", "python", "python3", "source", "prometheus", "pytest"}
-LANGUAGES = {"", "sh", "console", "python", "yaml", "json5", "csv"}
+LANGUAGES = {"", "sh", "console", "python", "yaml", "json5", "csv", "toml"}
 # what a reader is to replace by something of his own
 OWN = {"mine", "COMMAND", "SCENARIO", "CAMPAIGN", "FILE"}
 FOLDERS = {"evaluate": "scenarios", "campaign": "campaigns"}
@@ -136,6 +136,8 @@ def test_a_block_can_be_read(page: Page) -> None:
         if block.language == "python":
             # a line of a table that is added somewhere is Python within brackets
             compile(block.text.strip() if not block.text.startswith(" ") else f"[{block.text}]", page.name, "exec")
+        elif block.language == "toml":
+            tomllib.loads(block.text)
         elif block.language == "yaml":
             assert yaml.safe_load(block.text) is not None
 

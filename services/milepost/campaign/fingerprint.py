@@ -15,6 +15,8 @@ import numpy as np
 import milepost_schemas
 from milepost.config.shipped_files import PACKAGE
 from milepost.config.yaml_files import read_yaml
+from milepost.estimation.filters import FILTERS
+from milepost.sensors import SENSORS
 
 # the packages on which the figures of a run do not depend; of this one they depend on what measures
 ABOVE = ("cli", "campaign", "chaos", "evaluation", "checks", "runtime", "security", "deploy")
@@ -32,10 +34,12 @@ def digest(content: Any) -> str:
 
 @cache
 def code_fingerprint() -> str:
-    """A hash of the source files on which a run's figures depend, and of the versions of Python and numpy."""
+    """A hash of the source files on which a run's figures depend, and of the versions of Python, numpy and kinds elsewhere."""
     whole = hashlib.sha256(f"{PYTHON} {np.__version__}".encode())
     for name, path in _sources():
         whole.update(name.encode() + b"\0" + path.read_bytes())
+    for kind in (*SENSORS.elsewhere, *FILTERS.elsewhere):
+        whole.update(kind.encode())
     return whole.hexdigest()[:DIGITS]
 
 

@@ -18,6 +18,7 @@ from .campaign_command import campaign
 from .chaos_command import chaos
 from .composing.command import compose
 from .helper_commands import display, observe, sentinel, vacant
+from .importing.command import import_log
 from .inject_command import FREE_OPTIONS, inject
 from .machines.etcs_command import etcs
 from .machines.feed_command import feed
@@ -90,6 +91,7 @@ app.command(context_settings=FREE_OPTIONS)(inject)
 
 
 app.command()(run)
+app.command(name="import")(import_log)
 
 
 @app.command()

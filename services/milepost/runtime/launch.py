@@ -19,6 +19,7 @@ from dataclasses import dataclass
 import setproctitle
 
 from milepost.config.errors import ConfigError
+from milepost.estimation.kinds import KindError
 
 from .logs.records import failed, say
 from .stop_signals import STOPPING, forget_signals
@@ -80,7 +81,7 @@ def exit_code(run: Callable[[], int | None]) -> int:
     """Run to the end; a mistake in a configuration (2), a failing or a full system (1) and, in a log, a bug (1) is one line."""
     try:
         return run() or 0
-    except ConfigError as error:
+    except (ConfigError, KindError) as error:
         say(str(error), logging.ERROR)
         return CONFIGURATION_ERROR
     except OSError as error:  # a file, a port, no router

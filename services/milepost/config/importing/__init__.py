@@ -1,0 +1,1 @@
+"""Line, train and scenario files that are written from a log."""

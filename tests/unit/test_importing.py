@@ -1,0 +1,306 @@
+"""Logs of many shapes become trains that run, and what cannot be guessed is one line."""
+
+from __future__ import annotations
+
+import json
+import math
+import random
+from collections.abc import Callable, Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+
+from milepost.cli.importing.job import run_import
+from milepost.config.errors import ConfigError
+from milepost.config.scenario_file import load_scenario
+from milepost.offline.run import simulate
+from milepost.recordings.importing.names import unit_in, words_of
+from milepost.recordings.importing.solutions import meaning_of
+from milepost.recordings.importing.times import time_format
+from milepost.track.earth import moved
+
+BEGAN_S = 1_700_000_000.0
+SPEED_MPS, SECONDS, RADIUS_M = 15.0, 60, 800.0
+
+
+class At(NamedTuple):
+    """Where the train is: time, latitude, longitude."""
+
+    t: float
+    lat: float
+    lon: float
+
+
+def ride(rate_hz: float = 1.0, noise_m: float = 0.3, turn_at_s: float | None = None) -> list[At]:
+    """A train at 15 m/s on a curve to the left, which goes back at `turn_at_s`."""
+    noise, out = random.Random(1), []
+    for i in range(round(SECONDS * rate_hz) + 1):
+        t = i / rate_hz
+        s = SPEED_MPS * (t if turn_at_s is None or t < turn_at_s else 2.0 * turn_at_s - t)
+        angle = s / RADIUS_M
+        east, north = RADIUS_M * (1.0 - math.cos(angle)), RADIUS_M * math.sin(angle)
+        place = moved(50.9, 4.5, -east + noise.gauss(0.0, noise_m), north + noise.gauss(0.0, noise_m))
+        out.append(At(t, *place))
+    return out
+
+
+def iso(t: float) -> str:
+    return datetime.fromtimestamp(BEGAN_S + t, UTC).isoformat().replace("+00:00", "Z")
+
+
+def comma(value: float, digits: int) -> str:
+    return f"{value:.{digits}f}".replace(".", ",")
+
+
+def epoch_seconds() -> list[str]:
+    rows = [f"{BEGAN_S + a.t:.1f},{a.lat:.7f},{a.lon:.7f},{SPEED_MPS * 3.6:.1f}" for a in ride()]
+    return ["Timestamp,Lat,Lon,Speed (km/h)", *rows]
+
+
+def german() -> list[str]:
+    rows = [f"{iso(a.t)};{comma(a.lat, 7)};{comma(a.lon, 7)};{comma(54.0, 1)};{comma(3.0, 1)}" for a in ride()]
+    return ["Zeit;Breite;Länge;Geschwindigkeit_kmh;Accuracy", *rows]
+
+
+def nmea_quality_repeated() -> list[str]:
+    """A log at 10 Hz of a receiver that makes a fix a second."""
+    fixes = ride()
+    rows = [f"{i * 100},{fixes[i // 10].lat:.7f},{fixes[i // 10].lon:.7f},4,12" for i in range(10 * SECONDS)]
+    return ["time_ms,latitude,longitude,gps_quality,numSV", *rows]
+
+
+def date_and_time() -> list[str]:
+    clock = [datetime.fromtimestamp(BEGAN_S + a.t, UTC) for a in ride()]
+    rows = [f"{c:%d.%m.%Y}\t{c:%H:%M:%S}\t{a.lat:.7f}\t{a.lon:.7f}\t{29.158:.3f}\t" for c, a in zip(clock, ride(), strict=True)]
+    return ["# exported by a logger", "Date\tTime\tLatitude [deg]\tLongitude [deg]\tSOG [kn]\tremark", *rows]
+
+
+def one_log_of_two_devices() -> list[str]:
+    """Fixes once a second, a wheel ten times, in one table with empty cells."""
+    fixes, rows = ride(noise_m=0.02), []
+    for i in range(10 * SECONDS):
+        place = f"{fixes[i // 10].lat:.7f},{fixes[i // 10].lon:.7f},RTK fixed" if i % 10 == 0 else ",,"
+        rows.append(f"{BEGAN_S * 1000 + i * 100:.0f},{place},{SPEED_MPS * 3.6 * 1.01:.1f}")
+    return ["epoch,lat,lon,status,wheelSpeedKmh", *rows]
+
+
+def write(folder: Path, lines: Sequence[str], encoding: str = "utf-8") -> Path:
+    path = folder / "My Run.csv"
+    path.write_text("\n".join(lines) + "\n", encoding=encoding)
+    return path
+
+
+def imported(folder: Path, log: Path, capsys: pytest.CaptureFixture[str], *column: str, line: Path | None = None) -> dict:
+    capsys.readouterr()
+    assert run_import([log], line, folder / "out", column, [], False, True) == 0
+    return json.loads(capsys.readouterr().out)
+
+
+def end_of(folder: Path) -> tuple[float, float, set[str]]:
+    """Where a train ends and how fast, and the units in use."""
+    scenario, train = load_scenario(folder / "out/scenario.yaml")
+    states: list = []
+    simulate(train, scenario.duration_s, None, states.append)
+    last = states[-1]
+    return last.position_m, last.speed_mps, {sensor.unit for sensor in last.sensors if sensor.share > 0.0}
+
+
+SHAPES: dict[str, tuple[Callable[[], list[str]], dict[str, tuple[str, str]], set[str]]] = {
+    "epoch seconds": (epoch_seconds, {"time": ("Timestamp", "s"), "speed": ("Speed (km/h)", "km/h")}, {"gnss"}),
+    "semicolons and decimal commas": (
+        german,
+        {
+            "time": ("Zeit", "iso8601"),
+            "longitude": ("Länge", "deg"),
+            "speed": ("Geschwindigkeit_kmh", "km/h"),
+            "accuracy": ("Accuracy", "m"),
+        },
+        {"gnss"},
+    ),
+    "NMEA quality, repeated": (
+        nmea_quality_repeated,
+        {"time": ("time_ms", "ms"), "solution": ("gps_quality", ""), "satellites": ("numSV", "1")},
+        {"gnss"},
+    ),
+    "date and time": (
+        date_and_time,
+        {"time": ("Time", "%d.%m.%Y %H:%M:%S"), "latitude": ("Latitude [deg]", "deg"), "speed": ("SOG [kn]", "kn")},
+        {"gnss"},
+    ),
+    "two devices": (
+        one_log_of_two_devices,
+        {"time": ("epoch", "ms"), "solution": ("status", ""), "wheel": ("wheelSpeedKmh", "km/h")},
+        {"gnss", "odometer"},
+    ),
+}
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_a_log_of_any_shape_becomes_a_train_that_runs(shape: str, tmp_path: Path, capsys) -> None:
+    lines, expected, units = SHAPES[shape]
+    said = imported(tmp_path, write(tmp_path, lines()), capsys)
+    found = {row["field"]: (row["column"], row["unit"]) for row in said["columns"]}
+    assert expected.items() <= found.items()
+    assert set(said["units"]) == units
+    position_m, speed_mps, used = end_of(tmp_path)
+    assert used == units
+    assert position_m == pytest.approx(SPEED_MPS * said["duration_s"], abs=6.0)
+    assert speed_mps == pytest.approx(SPEED_MPS, abs=0.7)
+
+
+def test_repeated_fixes_are_thinned_and_counted(tmp_path: Path, capsys) -> None:
+    said = imported(tmp_path, write(tmp_path, nmea_quality_repeated()), capsys)
+    assert said["fixes"] == SECONDS
+    assert said["left_out"] == {"a fix again": 9 * SECONDS}
+    assert any("a fix stands in 10 rows" in each for each in said["told"])
+    assert said["solutions"] == {"rtk_fixed": SECONDS}
+
+
+def test_a_log_that_can_be_read_as_it_is_is_named_and_not_copied(tmp_path: Path, capsys) -> None:
+    rows = [f"{iso(a.t)},{a.lat:.8f},{a.lon:.8f},NARROW_INT" for a in ride()]
+    said = imported(tmp_path, write(tmp_path, ["time,latitude,longitude,position_type", *rows]), capsys)
+    assert [Path(each).name for each in said["files"]] == ["train.yaml", "scenario.yaml", "line.yaml", "line.geojson"]
+    assert "file: ../My Run.csv" in (tmp_path / "out/train.yaml").read_text(encoding="utf-8")
+    assert end_of(tmp_path)[0] == pytest.approx(SPEED_MPS * SECONDS, abs=3.0)
+
+
+def test_a_copy_says_why_it_is_one(tmp_path: Path, capsys) -> None:
+    imported(tmp_path, write(tmp_path, german()), capsys)
+    text = (tmp_path / "out/train.yaml").read_text(encoding="utf-8")
+    assert "# a copy of My Run.csv: `;` between columns; decimal commas; courses computed from the places" in text
+    assert (
+        (tmp_path / "out/recorded-gnss.csv").read_text(encoding="utf-8").startswith("t_s,latitude_deg,longitude_deg,speed_mps,")
+    )
+
+
+def test_a_train_that_goes_back_keeps_its_longest_part(tmp_path: Path, capsys) -> None:
+    rows = [f"{a.t},{a.lat:.8f},{a.lon:.8f}" for a in ride(turn_at_s=40.0)]
+    said = imported(tmp_path, write(tmp_path, ["t,lat,lon", *rows]), capsys)
+    assert said["duration_s"] == pytest.approx(40.0, abs=4.0)
+    assert said["line_length_m"] == pytest.approx(600.0, abs=60.0)
+    assert any("comes back to where it was, in 2 parts" in each for each in said["told"])
+
+
+def test_a_line_file_is_used(tmp_path: Path, capsys) -> None:
+    coordinates = [[a.lon, a.lat] for a in ride(noise_m=0.0)]
+    geometry = {"type": "LineString", "coordinates": coordinates}
+    (tmp_path / "track.geojson").write_text(json.dumps(geometry), encoding="utf-8")
+    line = tmp_path / "mine.yaml"
+    line.write_text("line: mine\ngeojson: track.geojson\n", encoding="utf-8")
+    imported(tmp_path, write(tmp_path, epoch_seconds()), capsys, line=line)
+    assert "line: ../mine.yaml" in (tmp_path / "out/train.yaml").read_text(encoding="utf-8")
+    assert not (tmp_path / "out/line.yaml").exists()
+    assert end_of(tmp_path)[0] == pytest.approx(SPEED_MPS * SECONDS, abs=3.0)
+
+
+def refused(folder: Path, lines: Sequence[str], *column: str, unit: Sequence[str] = (), line: Path | None = None) -> str:
+    """What is said of a log that is no train: one line, and nothing is written."""
+    with pytest.raises(ConfigError) as error:
+        run_import([write(folder, lines)], line, folder / "out", column, unit, False, True)
+    assert not (folder / "out").exists()
+    assert len(str(error.value).splitlines()) == 1
+    return str(error.value).removeprefix(f"{folder / 'My Run.csv'}: ")
+
+
+def test_what_cannot_be_guessed_is_one_line_with_the_columns_that_are_there(tmp_path: Path) -> None:
+    lines = ["when,x,y", "1,50.1,4.1", "2,50.2,4.2"]
+    there = "no column is known for it; there are when, x, y: name it with"
+    assert refused(tmp_path, lines) == f"time: {there} --column time=COLUMN"
+    assert refused(tmp_path, lines, "time=when") == f"latitude: {there} --column latitude=COLUMN"
+    assert refused(tmp_path, lines, "time=wen") == "--column time: there is no column 'wen'; there are when, x, y"
+    assert "there is no field 'latitud'; did you mean 'latitude'?" in refused(tmp_path, lines, "latitud=x")
+    assert "--unit speed: must be one of m/s, km/h" in refused(tmp_path, lines, unit=["speed=furlong"])
+
+
+@pytest.mark.parametrize(
+    ("lines", "says"),
+    [
+        ([""], "no table: neither a header nor rows"),
+        (["a b c", "1 2 3"], "no table: its first line is not divided"),
+        (["1.5,50.1,4.2", "2.5,50.2,4.3"], "no header: the first line is 1.5, 50.1, 4.2"),
+        (["t,lat,lat", "1,2,3"], "two columns are called lat"),
+        (["t,lat,lon", *(f"{t},50.1,4.2" for t in range(30))], "no line can be made: the train does not move"),
+        (["t,lat,lon", "1,50.1,4.2", "2,50.2,4.3"], "only 2 fixes; left out: nothing"),
+        (["t,lat,lon,quality", *(f"{t},{50 + t / 1e4},4.2,{t % 2 * 6}" for t in range(30))], "solution: no fix counts"),
+    ],
+)
+def test_a_log_that_is_no_train_is_one_line(lines: list[str], says: str, tmp_path: Path) -> None:
+    assert refused(tmp_path, lines).startswith(says)
+
+
+def test_fixes_far_from_the_line_are_one_line(tmp_path: Path) -> None:
+    geometry = {"type": "LineString", "coordinates": [[5.0, 51.5], [5.1, 51.5]]}
+    (tmp_path / "track.geojson").write_text(json.dumps(geometry), encoding="utf-8")
+    line = tmp_path / "mine.yaml"
+    line.write_text("line: mine\ngeojson: track.geojson\n", encoding="utf-8")
+    assert refused(tmp_path, epoch_seconds(), line=line).startswith("half of the fixes lie ")
+
+
+def test_columns_and_units_are_as_somebody_says(tmp_path: Path, capsys) -> None:
+    rows = [f"{a.t},{a.lat:.7f},{a.lon:.7f},54.0,15.0" for a in ride()]
+    log = write(tmp_path, ["clock,p,q,speed,r", *rows])
+    run_import([log], None, tmp_path / "out", ["time=clock", "lat=p", "longitude=q"], ["speed=kph"], False, True)
+    found = {row["field"]: (row["column"], row["unit"]) for row in json.loads(capsys.readouterr().out)["columns"]}
+    assert found == {"time": ("clock", "s"), "latitude": ("p", "deg"), "longitude": ("q", "deg"), "speed": ("speed", "km/h")}
+    run_import([log], None, tmp_path / "two", ["time=clock", "lat=p", "lon=q", "speed="], [], False, True)
+    assert json.loads(capsys.readouterr().out)["unused"] == ["speed", "r"]
+
+
+def test_no_file_is_overwritten_without_being_told_to(tmp_path: Path, capsys) -> None:
+    log = write(tmp_path, epoch_seconds())
+    imported(tmp_path, log, capsys)
+    train = tmp_path / "out/train.yaml"
+    train.write_text("mine", encoding="utf-8")
+    with pytest.raises(ConfigError, match=r"train\.yaml: is there already; --force"):
+        run_import([log], None, tmp_path / "out", [], [], False, True)
+    assert train.read_text(encoding="utf-8") == "mine"
+    run_import([log], None, tmp_path / "out", [], [], True, True)
+    assert train.read_text(encoding="utf-8") != "mine"
+    copy = log.rename(tmp_path / "out/recorded-gnss.csv")
+    with pytest.raises(ConfigError, match="is a log itself"):
+        run_import([copy], None, tmp_path / "out", [], [], True, True)
+
+
+@pytest.mark.parametrize(
+    ("name", "quantity", "unit"),
+    [
+        ("speed_kmh", "speed", "km/h"), ("Speed (kph)", "speed", "km/h"), ("gps.speed.m/s", "speed", "m/s"),
+        ("speed_ms", "speed", "m/s"),
+        ("SOG [knots]", "speed", "kn"), ("GPSSpeed_mph", "speed", "mph"), ("speed", "speed", None), ("utc_ms", "time", "ms"),
+        ("height ft", "length", "ft"), ("accZ_mps2", "acceleration", "m/s2"), ("gyro x deg/s", "turn rate", "deg/s"),
+    ],
+)  # fmt: skip
+def test_a_unit_is_read_from_the_name(name: str, quantity: str, unit: str | None) -> None:
+    assert unit_in(words_of(name), quantity)[0] == unit
+
+
+@pytest.mark.parametrize(
+    ("text", "unit"),
+    [
+        ("1700000000", "s"), ("1700000000123", "ms"), ("1700000000123456", "us"), ("1700000000123456789", "ns"), ("12.5", "s"),
+        ("2023-11-14T22:13:20Z", "iso8601"), ("2023-11-14 22:13:20.5", "iso8601"),
+        ("14.11.2023 22:13:20,5", "%d.%m.%Y %H:%M:%S"),
+        ("22:13:20.25", "hh:mm:ss"), ("soon", None),
+    ],
+)  # fmt: skip
+def test_a_time_is_read_from_its_text(text: str, unit: str | None) -> None:
+    found = time_format([text], None)
+    assert (found.unit if found else None) == unit
+
+
+@pytest.mark.parametrize(
+    ("column", "texts", "meant"),
+    [
+        ("quality", ["0", "1", "4", "5"], ["none", "single", "rtk_fixed", "rtk_float"]),
+        ("Fix Type", ["3", "2", "0"], ["single", "single", "none"]),
+        ("position_type", ["NARROW_INT3", "PROPAGATED", "SINGLE"], ["rtk_fixed", "propagated", "single"]),
+        ("solution", ["RTK fixed", "Float", "DGPS"], ["rtk_fixed", "rtk_float", "differential"]),
+        ("mode", ["A", "D"], ["single", "differential"]),
+        ("solution_status", ["SOL_COMPUTED", "SOL_COMPUTED"], None),
+    ],
+)
+def test_a_solution_is_read_from_words_and_numbers(column: str, texts: list[str], meant: list[str] | None) -> None:
+    meaning = meaning_of(column, [column], texts)
+    assert (None if meaning is None else [meaning.of(text) for text in texts]) == meant
