@@ -57,7 +57,7 @@ class Isolation:
             finding = finding._replace(far=far)
         beyond = finding.beyond(self._bounds if state.alive[0] else self._soft_bounds)
         fired = None if beyond is None else uses & beyond & state.alive
-        if fired is None or not fired.any() or self._nearly_all(state, finding, fired):
+        if fired is None or not fired.any():
             if unit in state.rows.excluded:
                 state = self._probation(state, finding)
             if MOTION_MODEL in state.rows.excluded:
@@ -90,12 +90,6 @@ class Isolation:
             best = int(np.argmax(np.where(plausible, odds, -np.inf)))
             return led(before, state, best, at_ns, "the hypothesis that led is refuted")
         return state
-
-    def _nearly_all(self, state: Bank, finding: Finding, fired: Flags) -> bool:
-        """Whether what would refute other rows nearly refutes row 0 too: the same noise is in both."""
-        if not state.alive[0] or fired[0] or not finding.uses[0]:
-            return False
-        return bool(finding.worst()[0] > SOFT * self._limit)
 
     def _why(self, state: Bank, finding: Finding, row: int, common: float = 0.0) -> Exclusion:
         """The evidence against a row; `common`: for one that does not hear the unit."""
