@@ -42,10 +42,14 @@ def threshold(false_alarms_per_hour: float, readings_per_s: float) -> float:
     return -NormalDist().inv_cdf(min(0.25, 0.5 * false_alarms_per_hour / tests))
 
 
+def _weights(count: Any) -> tuple[Array, Array]:
+    """Σλᵏ and Σλ²ᵏ over `count` readings, one number or a column."""
+    return (1.0 - LAMBDAS**count) / (1.0 - LAMBDAS), (1.0 - LAMBDAS ** (2 * count)) / (1.0 - LAMBDAS**2)
+
+
 def _scales(count: Any) -> tuple[Array, Array, Array, Array]:
     """For `count` readings, one number or a column: 1/√Σλ²ᵏ, 1/Σλᵏ; 1 - 2/9ν and 1/√(2/9ν) of Wilson and Hilferty."""
-    squares = (1.0 - LAMBDAS ** (2 * count)) / (1.0 - LAMBDAS**2)
-    weights = (1.0 - LAMBDAS**count) / (1.0 - LAMBDAS)
+    weights, squares = _weights(count)
     spread = 2.0 / 9.0 * squares / weights**2
     return 1.0 / np.sqrt(squares), 1.0 / weights, 1.0 - spread, 1.0 / np.sqrt(spread)
 
@@ -80,8 +84,8 @@ def unheard(sums: Array, count: int, common: float) -> Array:
     degrees of freedom, into which a common error does not enter.
     """
     count = min(count, FULL)
-    weights = (1.0 - LAMBDAS**count) / (1.0 - LAMBDAS)
-    freedom = weights**2 * (1.0 - LAMBDAS**2) / (1.0 - LAMBDAS ** (2 * count))
+    weights, squares = _weights(count)
+    freedom = weights**2 / squares
     means = sums / weights[:, None]
     out = np.zeros_like(sums)
     out[:M] = np.abs(means[:M]) / np.sqrt((1.0 - common) / freedom[:M] + common)[:, None]
