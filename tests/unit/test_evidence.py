@@ -19,6 +19,7 @@ from milepost.fusion.evidence import (
     statistics,
     threshold,
     window_of,
+    worst_by_chance,
 )
 
 RUNS = 20_000
@@ -165,3 +166,12 @@ def test_bounds_on_sums_decide_as_the_tests_do(count: int, limit: float) -> None
 def test_bounds_no_longer_change_beyond_the_longest_window() -> None:
     sums = np.full((len(TESTS), 3), 40.0)
     assert np.array_equal(Bounds(5.0).exceeded(sums, FULL), Bounds(5.0).exceeded(sums, 100 * FULL))
+
+
+def test_the_worst_of_several_tests_is_as_bad_by_chance_more_often_than_one() -> None:
+    """By hand: 1.96 σ happen to one test in 0.05 of all cases, to one of two in 1 - 0.95² = 0.0975; without a test anything fits."""
+    worst, tests = np.array([1.959964, 1.959964, 0.0, 1.959964, 5.0]), np.array([1.0, 2.0, 3.0, 0.0, 18.0])
+    often = worst_by_chance(worst, tests)
+    assert often == pytest.approx([0.05, 0.0975, 1.0, 1.0, 18 * 5.733e-7], rel=1e-3)
+    runs = np.abs(np.random.default_rng(5).normal(size=(18, RUNS))).max(axis=0)
+    assert np.mean(worst_by_chance(runs, np.full(RUNS, 18.0)) < 0.1) == pytest.approx(0.1, abs=0.01)

@@ -88,6 +88,10 @@ class Bank(NamedTuple):
         """With another verdict on a unit."""
         return Bank(self.x, self.P, self.channels, {**self.verdicts, unit: verdict}, *self[4:])
 
+    def innovations(self, row: int) -> list[float]:
+        """The last innovation of each channel in a row."""
+        return [float(channel.nu[row]) for channel in self.channels]
+
     def of(self, index: list[int]) -> Bank:
         """With what other rows believe and learned, each the continuation of the row `index`."""
         return self._replace(

@@ -115,6 +115,12 @@ def window_of(test: int) -> int:
     return int(WINDOWS[test]) if test < len(TESTS) else 1
 
 
+def worst_by_chance(worst: Array, tests: Array) -> Array:
+    """1 - (1 - 2 Φ(-k))ᵐ: the probability that the worst of m tests (H) is at least k (H) by chance; 1 without any test."""
+    one = np.array([math.erfc(k * 0.5**0.5) for k in worst])
+    return np.asarray(np.where((tests == 0) | (one >= 1.0), 1.0, -np.expm1(tests * np.log1p(-np.minimum(one, 0.999)))))
+
+
 def normal_reach(risk: float) -> float:
     """K with 2 Φ(-K) = risk; at least 1."""
     return max(1.0, -NormalDist().inv_cdf(min(0.5, max(0.5 * risk, math.ulp(0.0)))))

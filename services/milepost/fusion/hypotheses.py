@@ -156,11 +156,8 @@ class Rows:
     def intervals(self, alive: Flags, leader: int) -> tuple[Flags, NDArray[np.float64]]:
         """The published rows (H), the leading one among them, and K of each of these.
 
-        Σ p_h · 2 Φ(-K_h) is the risk of one decorrelation time.
-
-        The published rows share it evenly.
-        p_h is 1 for row 0 and the probability of its faults for each other row, and relative to the likeliest once row 0 is
-        refuted.
+        Σ p_h · 2 Φ(-K_h) is the risk of one decorrelation time; the published rows share it evenly. p_h is 1 for row 0 and the
+        probability of its faults for each other row, and relative to the likeliest once row 0 is refuted.
         """
         key = alive.tobytes(), leader
         kept = self._intervals.get(key)

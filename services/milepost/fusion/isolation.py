@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from milepost.estimation.layout import N_COMMON, Array, Layout
+from milepost.estimation.layout import N_COMMON, Layout
 
 from .bank_state import CHANNELS, Bank, led, narrowed, protected, recomposed
-from .evidence import Bounds, Flags, statistics
+from .evidence import Bounds, Flags, statistics, worst_by_chance
 from .finding import Finding
 from .hypotheses import MOTION_MODEL, NO_ALTERNATIVES, NOBODY, Doubts, Rows, Units, sources
-from .recovery import WARY_NS, alternatives, disagreement, hold_ns, revived, widened
+from .recovery import WARY_NS, alternatives, disagreement, passed, revived, widened
 from .verdicts import Exclusion, Reset, Verdict
 
 # between hypotheses one of which is true, less evidence decides than against all units at once
@@ -53,8 +53,7 @@ class Isolation:
         """Refute hypotheses, and exclude or readmit units; `before`: the bank without the finding's observation."""
         unit, at_ns, uses = finding.unit, finding.at_ns, finding.uses
         far = self._beyond_prior(state, unit)
-        if far is not None:
-            finding = finding._replace(far=far)
+        finding = finding if far is None else finding._replace(far=far)
         beyond = finding.beyond(self._bounds if state.alive[0] else self._soft_bounds)
         fired = None if beyond is None else uses & beyond & state.alive
         if fired is None or not fired.any():
@@ -84,12 +83,9 @@ class Isolation:
         least = state.rows.smallest(plausible)
         if least is not None:
             return self._excluded(before, state, least, why)
-        if not alive[state.leader]:
-            # the odds of each by its probability and the worst that its own units say against it
-            odds = np.log(state.rows.chances) - 0.5 * self._margins(state) ** 2
-            best = int(np.argmax(np.where(plausible, odds, -np.inf)))
-            return led(before, state, best, at_ns, "the hypothesis that led is refuted")
-        return state
+        if alive[state.leader]:
+            return state
+        return led(before, state, self._best(state, plausible), at_ns, "the hypothesis that led is refuted")
 
     def _why(self, state: Bank, finding: Finding, row: int, common: float = 0.0) -> Exclusion:
         """The evidence against a row; `common`: for one that does not hear the unit."""
@@ -107,29 +103,29 @@ class Isolation:
         far = np.abs(state.x[:, places] - mean) > reach
         return np.asarray(far.any(axis=1)) if np.count_nonzero(far) else None
 
-    def _margins(self, state: Bank) -> Array:
-        """Each row's worst test over all units that it uses."""
-        out = np.zeros(len(state.x))
+    def _best(self, state: Bank, plausible: Flags) -> int:
+        """The row of these with the best odds: its probability, times that of a worst test as bad as its units' by chance."""
+        worst, tests = np.zeros((2, len(state.x)))
         for unit, place in self._channels.items():
             uses = state.rows.uses(unit)
-            for channel in range(place, place + CHANNELS):
-                sums, count = state.channels[channel][:2]
+            for sums, count, *_ in state.channels[place : place + CHANNELS]:
                 if count:
                     # without the first test: the last reading alone is no evidence of long standing
-                    worst = statistics(sums, count)[1:].max(axis=0)
-                    out = np.maximum(out, np.where(uses, worst, 0.0))
-        return out
+                    told = statistics(sums, count)[1:]
+                    worst = np.maximum(worst, np.where(uses, told.max(axis=0), 0.0))
+                    tests += np.where(uses, len(told), 0)
+        return int(np.argmax(np.where(plausible, state.rows.chances * worst_by_chance(worst, tests), -1.0)))
 
     def _excluded(self, before: Bank, state: Bank, row: int, why: Exclusion) -> Bank:
         old, units = state.rows, state.rows.sets[row]
-        seen = _innovations(state, 0 if before.alive[0] else row)
+        seen = state.innovations(0 if before.alive[0] else row)
         state = led(before, state, row, why.at_ns, "excluded: " + ", ".join(sorted(units - old.excluded)))
         new = self.rows(units, alternatives(state, units))
         out = recomposed(state, new, sources(new, old, state.alive, lambda s: (s,), row))
         for unit in old.excluded - units:
             # what it was excluded for is explained otherwise
-            verdict = out.verdicts[unit]
-            out = out.judged(unit, verdict._replace(excluded=None, relapses=max(0, verdict.relapses - 1)))
+            relapses = max(0, out.verdicts[unit].relapses - 1)
+            out = out.judged(unit, out.verdicts[unit]._replace(excluded=None, relapses=relapses))
         if before.alive[0] and why.sudden:
             for unit in units:
                 out = self._recalled(before, out, unit, units - old.excluded)
@@ -184,13 +180,17 @@ class Isolation:
             channels=tuple(channel.fresh() for channel in out.channels),
             reset=Reset(at_ns, abs(high - low), abs(fast - slow), "no hypothesis was left: the bank starts again"),
         )
-        return self._noted(out, units - old.excluded, why, _innovations(before, best))
+        return self._noted(out, units - old.excluded, why, before.innovations(best))
 
     def _probation(self, state: Bank, finding: Finding) -> Bank:
-        """Readmit an excluded unit that has agreed with the leading hypothesis for long enough."""
+        """Readmit an excluded unit that has agreed with the leading hypothesis for long enough.
+
+        Where what is excluded is refuted, all units that this hypothesis hears must have agreed; it is then what is excluded.
+        """
         unit, at_ns = finding.unit, finding.at_ns
-        verdict, suspect = state.verdicts[unit], self._doubts.by_unit[unit]
-        verdict = verdict.watched(at_ns, float(finding.channel.sums[0, state.leader]))
+        if not state.alive[0] and unit in state.rows.sets[state.leader]:
+            state = self._heard_again(state, unit, at_ns)
+        verdict = state.verdicts[unit].watched(at_ns, float(finding.channel.sums[0, state.leader]))
         # at first the row is as good as it was with the unit, and a lie that grows would pass for the row's error
         common = finding.common if verdict.relapses > 1 else 0.0
         if finding.worst(common)[state.leader] > disagreement(verdict, SOFT * SOFT * self._limit):
@@ -201,18 +201,30 @@ class Isolation:
                 # its own test tells better than another's what it does, and a slip may begin slowly
                 verdict = verdict._replace(excluded=why._replace(at_ns=earlier.at_ns))
             return state.judged(unit, verdict._replace(probation_ns=at_ns, agreed=0))
-        agreed = verdict.agreed + 1
-        if agreed < suspect.hold or at_ns - verdict.probation_ns < hold_ns(verdict) or not state.alive[0]:
-            return state.judged(unit, verdict._replace(agreed=agreed))
+        state = state.judged(unit, verdict := verdict._replace(agreed=verdict.agreed + 1))
+        cleared = frozenset((unit,)) if state.alive[0] else state.rows.excluded - state.rows.sets[state.leader]
+        if unit not in cleared or not all(passed(state.verdicts[u], self._doubts.by_unit[u].hold, at_ns) for u in cleared):
+            return state
+        if not state.alive[0] and verdict.excluded is not None:
+            return self._excluded(state, state, state.leader, verdict.excluded._replace(at_ns=at_ns))
         counted_ns = at_ns if verdict.refused is None else verdict.counted_ns
         return self._readmitted(state, unit, verdict._replace(agreed=0, counted_ns=counted_ns), at_ns)
+
+    def _heard_again(self, state: Bank, unit: str, at_ns: int) -> Bank:
+        """Go on from a row that hears an excluded unit, where it has become the best; all that it hears must agree anew."""
+        best = self._best(state, state.rows.plausible(state.alive))
+        if unit in state.rows.sets[best]:
+            return state
+        state = led(state, state, best, at_ns, "another hypothesis has become likelier")
+        for other in state.rows.excluded - state.rows.sets[best]:
+            state = state.judged(other, state.verdicts[other]._replace(probation_ns=at_ns, agreed=0))
+        return state
 
     def _motion_probation(self, state: Bank, at_ns: int) -> Bank:
         """Take the motion model up again after its probation; where the train still moves harder, it is refuted again."""
         verdict = state.verdicts[MOTION_MODEL]
-        if at_ns - verdict.probation_ns < hold_ns(verdict) or not state.alive[0]:
-            return state
-        return self._readmitted(state, MOTION_MODEL, verdict, at_ns)
+        over = state.alive[0] and passed(verdict, 0, at_ns)
+        return self._readmitted(state, MOTION_MODEL, verdict, at_ns) if over else state
 
     def _readmitted(self, state: Bank, unit: str, verdict: Verdict, at_ns: int) -> Bank:
         """Every row continues the one without the unit."""
@@ -236,8 +248,3 @@ class Isolation:
             return state
         fresh = tuple(channel.fresh() for channel in state.channels[place : place + CHANNELS])
         return state._replace(channels=(*state.channels[:place], *fresh, *state.channels[place + CHANNELS :]))
-
-
-def _innovations(state: Bank, row: int) -> list[float]:
-    """The last innovation of each channel in a row."""
-    return [float(channel.nu[row]) for channel in state.channels]

@@ -17,7 +17,6 @@ from .verdicts import Verdict
 REVIVE_NS = 30_000_000_000
 # how long a unit must agree with the others before it counts again: twice as long after each relapse
 PROBATION_NS, LONGEST_PROBATION_NS = 1_000_000_000, 64_000_000_000
-
 # for so long after a unit was readmitted it is held possible that it never lay, but two others do, unseen
 WARY_NS = 60_000_000_000
 
@@ -30,15 +29,17 @@ def revived(state: Bank, at_ns: int) -> Bank:
         return state
     index = [0 if d else i for i, d in enumerate(due)]
     dead = tuple(0 if d else ns for d, ns in zip(due, state.dead_ns, strict=True))
-    return state.of(index)._replace(
-        alive=state.alive | np.array(due),
-        dead_ns=dead,
-    )
+    return state.of(index)._replace(alive=state.alive | np.array(due), dead_ns=dead)
 
 
 def hold_ns(verdict: Verdict) -> int:
     """How long the unit must agree."""
     return min(LONGEST_PROBATION_NS, PROBATION_NS << min(max(0, verdict.relapses - 1), 10))
+
+
+def passed(verdict: Verdict, hold: int, at_ns: int) -> bool:
+    """Whether a unit has agreed for long enough, with so many readings at least."""
+    return verdict.agreed >= hold and at_ns - verdict.probation_ns >= hold_ns(verdict)
 
 
 def disagreement(verdict: Verdict, limit: float) -> float:
