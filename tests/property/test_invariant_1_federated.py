@@ -12,7 +12,7 @@ from reference import filter_all
 from milepost.estimation.estimator import Estimator
 from milepost.estimation.layout import Layout
 from milepost.estimation.observation import Observation
-from milepost.fusion.federated import fuse, share_out
+from milepost.fusion.federated.combination import fuse, share_out
 
 ROWS = [(0.0, 1.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0), (0.3, 1.0, 0.2)]
 

@@ -169,7 +169,7 @@ def test_bounds_no_longer_change_beyond_the_longest_window() -> None:
 
 
 def test_the_worst_of_several_tests_is_as_bad_by_chance_more_often_than_one() -> None:
-    """By hand: 1.96 σ happen to one test in 0.05 of all cases, to one of two in 1 - 0.95² = 0.0975; without a test anything fits."""
+    """By hand: 1.96 σ happen to one test in 0.05 of all cases, to one of two in 1 - 0.95² = 0.0975; without a test all fits."""
     worst, tests = np.array([1.959964, 1.959964, 0.0, 1.959964, 5.0]), np.array([1.0, 2.0, 3.0, 0.0, 18.0])
     often = worst_by_chance(worst, tests)
     assert often == pytest.approx([0.05, 0.0975, 1.0, 1.0, 18 * 5.733e-7], rel=1e-3)

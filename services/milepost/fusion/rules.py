@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .federated_rule import FederatedFusion
+from .federated.rule import FederatedFusion
 from .information_rule import InformationFusion
 
 RULES: dict[str, type[InformationFusion] | type[FederatedFusion]] = {

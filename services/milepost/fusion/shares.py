@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar, Protocol
 
-from .federated import share_out
+from .federated.combination import share_out
 
 
 class Shares(Protocol):

@@ -16,10 +16,10 @@ from milepost.estimation.observation import Identity, Observation, Place, untime
 from milepost.estimation.time_units import S_PER_NS
 from milepost.estimation.timeline import Counters, Kept
 
-from .federated import fuse
-from .hypotheses import Doubts
-from .readings import Judge
-from .rule import NO_DOUBTS, NO_JUDGES, Fused, LocalBelief
+from ..hypotheses import Doubts
+from ..readings import Judge
+from ..rule import NO_DOUBTS, NO_JUDGES, Fused, LocalBelief
+from .combination import fuse
 
 # deleting from the front of a list costs its length, so it is done for many entries at once
 FORGET_AT_LEAST = 64
