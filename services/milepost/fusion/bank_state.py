@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from milepost.estimation.layout import Array
 
-from .evidence import TESTS, Flags
+from .evidence import TESTS, Flags, statistics, worst_by_chance
 from .hypotheses import Rows
 from .verdicts import Reset, Verdict
 
@@ -158,3 +158,24 @@ def protected(state: Bank) -> tuple[tuple[float, float], tuple[float, float]]:
     centre, reach = state.x[held, :2], K[:, None] * np.sqrt(variances)
     (low, slow), (high, fast) = (centre - reach).min(axis=0).tolist(), (centre + reach).max(axis=0).tolist()
     return (low, high), (slow, fast)
+
+
+def likeliest(state: Bank, places: Mapping[str, int], rows: Flags) -> int:
+    """The row of these with the best odds: its probability, times that of a worst test as bad as its units' by chance.
+
+    `places`: the first channel of each unit. A row that hears no speed is where it was predicted to be, and nothing tells
+    against it: it is chosen only where no other one is left.
+    """
+    hearing = rows & ~state.rows.deaf
+    worst, tests = np.zeros((2, len(state.x)))
+    for unit, place in places.items():
+        uses = state.rows.uses(unit)
+        for sums, count, *_ in state.channels[place : place + CHANNELS]:
+            if count:
+                # without the first test: the last reading alone is no evidence of long standing
+                told = statistics(sums, count)[1:]
+                worst = np.maximum(worst, np.where(uses, told.max(axis=0), 0.0))
+                tests += np.where(uses, len(told), 0)
+    return int(
+        np.argmax(np.where(hearing if hearing.any() else rows, state.rows.chances * worst_by_chance(worst, tests), -1.0))
+    )

@@ -111,6 +111,7 @@ class Rows:
     of why it was, not refuted so far, which are as likely as they are beside that; what is blamed may as well lie again.
     `near` (H): these, and the rows of at most one cause more than is excluded.
     `hard`: the places of the rows for a train that moves harder than its motion model, which are the last ones.
+    `deaf`: the rows that hear no unit which reads the speed.
     """
 
     def __init__(
@@ -133,6 +134,7 @@ class Rows:
         self.near = np.array([units in single or units in otherwise for units in self.sets])
         self._onward = np.array([units >= excluded or units - excluded <= HARD for units in self.sets])
         self.hard = range(sum(MOTION_MODEL not in units for units in self.sets), len(self.sets))
+        self.deaf = np.array([not doubts.speed_units - units for units in self.sets])
         self.places = {units: i for i, units in enumerate(self.sets)}
         self._uses: dict[str, Flags] = {}
         self._intervals: dict[tuple[bytes, int], tuple[Flags, NDArray[np.float64]]] = {}

@@ -6,11 +6,11 @@ import numpy as np
 
 from milepost.estimation.layout import N_COMMON, Layout
 
-from .bank_state import CHANNELS, Bank, led, narrowed, protected, recomposed
-from .evidence import Bounds, Flags, statistics, worst_by_chance
+from .bank_state import CHANNELS, Bank, led, likeliest, narrowed, protected, recomposed
+from .evidence import Bounds, Flags
 from .finding import Finding
 from .hypotheses import MOTION_MODEL, NO_ALTERNATIVES, NOBODY, Doubts, Rows, Units, sources
-from .recovery import WARY_NS, alternatives, disagreement, passed, revived, widened
+from .recovery import PROBATION_NS, WARY_NS, alternatives, disagreement, passed, revived, widened
 from .verdicts import Exclusion, Reset, Verdict
 
 # between hypotheses one of which is true, less evidence decides than against all units at once
@@ -61,6 +61,8 @@ class Isolation:
                 state = self._probation(state, finding)
             if MOTION_MODEL in state.rows.excluded:
                 state = self._motion_probation(state, at_ns)
+            elif not state.alive[0]:
+                state = self._motion_blamed(state, finding)
             if state.rows.blamed != state.rows.excluded and at_ns > state.wary_until_ns:
                 state = self._settled(state)
             return revived(state, at_ns) if any(state.dead_ns) and state.alive[0] else state
@@ -85,7 +87,7 @@ class Isolation:
             return self._excluded(before, state, least, why)
         if alive[state.leader]:
             return state
-        return led(before, state, self._best(state, plausible), at_ns, "the hypothesis that led is refuted")
+        return led(before, state, likeliest(state, self._channels, plausible), at_ns, "the hypothesis that led is refuted")
 
     def _why(self, state: Bank, finding: Finding, row: int, common: float = 0.0) -> Exclusion:
         """The evidence against a row; `common`: for one that does not hear the unit."""
@@ -102,19 +104,6 @@ class Isolation:
         places, mean, reach = prior
         far = np.abs(state.x[:, places] - mean) > reach
         return np.asarray(far.any(axis=1)) if np.count_nonzero(far) else None
-
-    def _best(self, state: Bank, plausible: Flags) -> int:
-        """The row of these with the best odds: its probability, times that of a worst test as bad as its units' by chance."""
-        worst, tests = np.zeros((2, len(state.x)))
-        for unit, place in self._channels.items():
-            uses = state.rows.uses(unit)
-            for sums, count, *_ in state.channels[place : place + CHANNELS]:
-                if count:
-                    # without the first test: the last reading alone is no evidence of long standing
-                    told = statistics(sums, count)[1:]
-                    worst = np.maximum(worst, np.where(uses, told.max(axis=0), 0.0))
-                    tests += np.where(uses, len(told), 0)
-        return int(np.argmax(np.where(plausible, state.rows.chances * worst_by_chance(worst, tests), -1.0)))
 
     def _excluded(self, before: Bank, state: Bank, row: int, why: Exclusion) -> Bank:
         old, units = state.rows, state.rows.sets[row]
@@ -212,13 +201,21 @@ class Isolation:
 
     def _heard_again(self, state: Bank, unit: str, at_ns: int) -> Bank:
         """Go on from a row that hears an excluded unit, where it has become the best; all that it hears must agree anew."""
-        best = self._best(state, state.rows.plausible(state.alive))
+        best = likeliest(state, self._channels, state.rows.plausible(state.alive))
         if unit in state.rows.sets[best]:
             return state
         state = led(state, state, best, at_ns, "another hypothesis has become likelier")
         for other in state.rows.excluded - state.rows.sets[best]:
             state = state.judged(other, state.verdicts[other]._replace(probation_ns=at_ns, agreed=0))
         return state
+
+    def _motion_blamed(self, state: Bank, finding: Finding) -> Bank:
+        """Hold the motion model exceeded where every other explanation hears nothing that could tell."""
+        plausible, first = state.rows.plausible(state.alive), state.rows.hard.start
+        if (plausible & ~state.rows.deaf)[:first].any() or finding.at_ns - state.dead_ns[0] < PROBATION_NS:
+            return state
+        best = likeliest(state, self._channels, plausible)
+        return state if best < first else self._excluded(state, state, best, self._why(state, finding, 0))
 
     def _motion_probation(self, state: Bank, at_ns: int) -> Bank:
         """Take the motion model up again after its probation; where the train still moves harder, it is refuted again."""
