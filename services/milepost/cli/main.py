@@ -12,6 +12,7 @@ import typer
 
 from milepost.config.shipped_files import find_file
 from milepost.runtime.launch import exit_code
+from milepost.runtime.logs.records import say
 from milepost.runtime.zenoh_config import DEFAULT_ENDPOINT
 
 from .campaign_command import campaign
@@ -33,7 +34,6 @@ from .options import (
 from .pki_command import acl, pki
 from .recording.commands import export, info, replay, rerun
 from .run_command import run
-from .say import say
 from .up_command import up
 from .usage import UsageError, usage_line
 

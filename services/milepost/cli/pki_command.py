@@ -10,9 +10,9 @@ import typer
 
 from milepost.config.errors import ConfigError
 from milepost.config.shipped_files import find_file
+from milepost.runtime.logs.records import say
 
 from .options import DEFAULT_TRAIN, StateDirOption, TrainOption
-from .say import say
 
 # as in milepost.security.authority; the library behind it is not imported before it is needed
 DEFAULT_DAYS = 7.0

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 
 from milepost.config.errors import ConfigError
 from milepost.runtime.launch import share_what_is_loaded
-from milepost.runtime.logs.records import set_up_log
+from milepost.runtime.logs.records import say, set_up_log
 from milepost.runtime.stop_signals import StopSignals
 from milepost.runtime.supervisor import Child, Supervisor
 
@@ -28,7 +28,6 @@ from .endpoint import port_is_free
 from .joining import may_join
 from .proc import age_s, proportional_mib
 from .run import RECORDER
-from .say import say
 from .up_output import completed, scratch, telling
 
 if TYPE_CHECKING:

@@ -9,7 +9,7 @@ import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from .say import say
+from milepost.runtime.logs.records import say
 
 
 @contextlib.contextmanager

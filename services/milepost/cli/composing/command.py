@@ -8,8 +8,8 @@ from typing import Annotated
 import typer
 
 from milepost.cli.options import DEFAULT_TRAIN, TrainOption, complete_train
-from milepost.cli.say import say
 from milepost.config.shipped_files import find_file
+from milepost.runtime.logs.records import say
 
 
 def compose(

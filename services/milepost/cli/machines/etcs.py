@@ -6,10 +6,10 @@ import queue
 
 from milepost.feeds.position_report_text import in_words
 from milepost.runtime.listening import listening
+from milepost.runtime.logs.records import say
 from milepost.runtime.zenoh_config import Connection
 from milepost_schemas import Message, PositionReport
 
-from ..say import say
 from ..showing.until_interrupted import until_interrupted
 
 # reports come at least this often where any train sends them

@@ -30,7 +30,7 @@ def feed(
     log_format: LogFormatOption = LogFormat.text,
 ) -> None:
     """Serve the trains on a router over HTTP: /metrics (Prometheus), /vehicle-positions.pb (GTFS-Realtime), /trains.geojson."""
-    from .feed import run_feed_command
+    from .web_servers import run_web_server
 
     choose(log_level, log_format)
-    raise typer.Exit(run_feed_command(zenoh_config or connect, host, port, line, url))
+    raise typer.Exit(run_web_server("feed", zenoh_config or connect, host, port, line, url))

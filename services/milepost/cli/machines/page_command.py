@@ -34,7 +34,7 @@ def page(
     log_format: LogFormatOption = LogFormat.text,
 ) -> None:
     """Show the trains on a router in a browser: all of them, and each with its line, sensors and events."""
-    from .page import run_page_command
+    from .web_servers import run_web_server
 
     choose(log_level, log_format)
-    raise typer.Exit(run_page_command(zenoh_config or connect, host, port, line, url))
+    raise typer.Exit(run_web_server("page", zenoh_config or connect, host, port, line, url))

@@ -1,60 +1,94 @@
-"""The web servers that `milepost up` starts beside its trains: the feed for machines, the dispatch page for people."""
+"""THE TABLE OF WEB SERVERS: the feed for machines and the dispatch page for people, as commands and beside `milepost up`."""
 
 from __future__ import annotations
 
+import signal
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
+from milepost.cli.endpoint import port_is_free
 from milepost.config.errors import ConfigError
 from milepost.runtime.launch import Job
+from milepost.runtime.logs.records import say, set_up_log
 from milepost.runtime.zenoh_config import Connection, as_options
 
+from . import feed, page
+
 HERE = "127.0.0.1"
+Tell = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class WebServer:
+    """`needs(command, option)` raises ConfigError where a library is missing; `says`: where it is, for people."""
+
+    needs: Callable[[str, str], None]
+    serve: Callable[[Connection, str, int, Sequence[Path], Tell | None, str], None]
+    says: str
+
+
+WEB_SERVERS = {
+    "feed": WebServer(feed.needs, feed.serve, "http://{place} lists what machines can read"),
+    "page": WebServer(page.needs, page.serve, "the dispatch page is at http://{place}"),
+}
+
+
+def run_web_server(name: str, connection: Connection, host: str, port: int, lines: Sequence[Path], url: str) -> int:
+    """The command of a web server. Raises ConfigError."""
+    set_up_log(name)
+    _check(name, host, port, name, "--port")
+    # opening a session waits inside Zenoh, where Python cannot see a signal
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    WEB_SERVERS[name].serve(connection, host, port, lines, say, url)
+    return 0
 
 
 @dataclass(frozen=True)
 class WebPorts:
-    """The ports of the servers; None: it is not started."""
+    """The ports of the servers beside `milepost up`; None: it is not started."""
 
     feed: int | None = None
     page: int | None = None
 
     def check(self) -> None:
         """Raises ConfigError where a library is missing or nothing can listen on a port."""
-        if self.feed is not None:
-            from .feed import check_feed
-
-            check_feed(HERE, self.feed, "up", "--feed")
-        if self.page is not None:
-            from .page import check_page
-
-            check_page(HERE, self.page, "up", "--page")
-            if self.page == self.feed:
-                raise ConfigError("up", "--page", f"{HERE}:{self.page} is that of --feed")
+        taken: dict[int, str] = {}
+        for name, port in self._wanted():
+            _check(name, HERE, port, "up", f"--{name}")
+            if port in taken:
+                raise ConfigError("up", f"--{name}", f"{HERE}:{port} is that of --{taken[port]}")
+            taken[port] = name
 
     def sentences(self) -> list[str]:
         """Where they are, for people."""
-        feed = [] if self.feed is None else [f"http://{HERE}:{self.feed} lists what machines can read"]
-        return feed + ([] if self.page is None else [f"the dispatch page is at http://{HERE}:{self.page}"])
+        return [WEB_SERVERS[name].says.format(place=f"{HERE}:{port}") for name, port in self._wanted()]
 
     def jobs(self, connection: Callable[[str], Connection], lines: Sequence[Path]) -> Iterator[Job]:
         """Their processes. `connection`: how each connects, by its name; `lines`: the files of the trains' lines."""
         lines = list(dict.fromkeys(lines))
         options = [word for line in lines for word in ("--line", str(line))]
-        if self.feed is not None:
-            from .feed import feed_body
+        for name, port in self._wanted():
+            words = ("--port", str(port), *options, *as_options(connection(name)))
+            yield Job(name, (name,), words, partial(_body, name, connection(name), port, lines))
 
-            yield _job("feed", self.feed, options, connection("feed"), feed_body, lines)
-        if self.page is not None:
-            from .page import page_body
-
-            yield _job("page", self.page, options, connection("page"), page_body, lines)
+    def _wanted(self) -> list[tuple[str, int]]:
+        return [(name, port) for name, port in (("feed", self.feed), ("page", self.page)) if port is not None]
 
 
-def _job(
-    name: str, port: int, options: Sequence[str], connection: Connection, body: Callable[..., None], lines: Sequence[Path]
-) -> Job:
-    words = ("--port", str(port), *options, *as_options(connection))
-    return Job(name, (name,), words, partial(body, connection, HERE, port, lines))
+def _body(name: str, connection: Connection, port: int, lines: Sequence[Path]) -> None:
+    set_up_log(name)
+    WEB_SERVERS[name].serve(connection, HERE, port, lines, None, "")
+
+
+def _check(name: str, host: str, port: int, command: str, option: str) -> None:
+    """Raises ConfigError where a library is missing or nothing can listen on a port."""
+    WEB_SERVERS[name].needs(command, option)
+    place = f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
+    try:
+        free = port_is_free(f"tcp/{place}")
+    except ValueError as error:
+        raise ConfigError(command, option, str(error)) from error
+    if not free:
+        raise ConfigError(command, option, f"{place} is in use")

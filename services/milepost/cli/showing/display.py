@@ -10,11 +10,10 @@ from typing import Literal
 from milepost.runtime import zenoh_config
 from milepost.runtime.instances import Token
 from milepost.runtime.listening import listening
-from milepost.runtime.logs.records import set_up_log
+from milepost.runtime.logs.records import say, set_up_log
 from milepost.runtime.stop_signals import StopSignals
 from milepost_schemas import FusedState, Message
 
-from ..say import say
 from .arrivals import Arrivals
 
 # `start`: only who has come, until the first states; `lines`: a state a second as well; `table`: the live table

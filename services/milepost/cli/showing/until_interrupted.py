@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from milepost.runtime.bus import NoRouterError
-
-from ..say import say
+from milepost.runtime.logs.records import say
 
 
 def until_interrupted(show: Callable[[], None]) -> int:
