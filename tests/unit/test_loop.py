@@ -296,6 +296,21 @@ def test_two_antennas_bridge_every_joint_and_no_reading_lacks_a_pitch(speed: flo
     assert np.diff(ends).max() < 4.5 * PITCH / speed + 0.02
 
 
+@pytest.mark.parametrize("speed", np.linspace(9.0, 60.0, 18).tolist())
+@pytest.mark.parametrize(("pitch_m", "rate_hz"), [(0.1, 10.0), (0.2, 10.0), (0.2, 20.0)])
+def test_a_joint_that_begins_in_one_window_and_ends_in_the_next_is_bridged_too(
+    pitch_m: float, rate_hz: float, speed: float
+) -> None:
+    """GIVEN most of a joint's crossings lack in the window before, WHEN the rest lacks in this one, THEN no reading lacks any.
+
+    There is no reading of a window in which both antennas were over the joint, one at most at each of 8 joints.
+    """
+    options = {"pitch_m": pitch_m, "rate_hz": rate_hz, "pitch_std_m": 1e-9, "antennas": 2, **JOINTS}
+    said = speeds(all_readings(opened(world([(0.0, speed)], end_s=400.0 / speed), **options)))
+    assert [m.fields["speed_mps"] for m in said] == pytest.approx([speed] * len(said), rel=1e-5)
+    assert len(said) >= 400.0 / speed * rate_hz - 8 - 2
+
+
 @pytest.mark.parametrize("from_s", [3.0, 7.777, 12.5])
 def test_a_restarted_loop_misses_what_it_would_have_missed(from_s: float) -> None:
     """None of these times is within a second of a joint, from which an antenna that begins there would not know it comes."""

@@ -10,7 +10,7 @@ from .bank_state import CHANNELS, Bank, led, likeliest, narrowed, protected, rec
 from .evidence import Bounds, Flags
 from .finding import Finding
 from .hypotheses import MOTION_MODEL, NO_ALTERNATIVES, NOBODY, Doubts, Rows, Units, sources
-from .recovery import PROBATION_NS, WARY_NS, alternatives, disagreement, passed, revived, widened
+from .recovery import FORGET_NS, PROBATION_NS, WARY_NS, alternatives, disagreement, passed, revived, widened
 from .verdicts import Exclusion, Reset, Verdict
 
 # between hypotheses one of which is true, less evidence decides than against all units at once
@@ -186,6 +186,8 @@ class Isolation:
             why = self._why(state, finding, state.leader, common)
             state = self._fresh(state, unit)
             earlier = verdict.excluded
+            if earlier is not None and at_ns - earlier.at_ns > FORGET_NS:
+                state = self._forgotten(state, unit)
             if earlier is not None and (why.slipping or earlier.found_by != unit) and not earlier.slipping:
                 # its own test tells better than another's what it does, and a slip may begin slowly
                 verdict = verdict._replace(excluded=why._replace(at_ns=earlier.at_ns))
@@ -198,6 +200,19 @@ class Isolation:
             return self._excluded(state, state, state.leader, verdict.excluded._replace(at_ns=at_ns))
         counted_ns = at_ns if verdict.refused is None else verdict.counted_ns
         return self._readmitted(state, unit, verdict._replace(agreed=0, counted_ns=counted_ns), at_ns)
+
+    def _forgotten(self, state: Bank, unit: str) -> Bank:
+        """What is known of a unit is its prior again: one that is wrong for so long may have been taught so."""
+        if unit not in self._priors:
+            return state
+        places, mean, spread = self._priors[unit]
+        x, P = state.x.copy(), state.P.copy()
+        x[:, places] = mean
+        P[:, places, :] = 0.0
+        P[:, :, places] = 0.0
+        own = np.arange(places.start, places.stop)
+        P[:, own, own] = (spread / self._limit) ** 2
+        return state._replace(x=x, P=P)
 
     def _heard_again(self, state: Bank, unit: str, at_ns: int) -> Bank:
         """Go on from a row that hears an excluded unit, where it has become the best; all that it hears must agree anew."""

@@ -15,6 +15,8 @@ from .verdicts import Verdict
 
 # a refuted hypothesis is taken up again from row 0, if row 0 lives so long
 REVIVE_NS = 30_000_000_000
+# what a unit has been wrong for so long with is forgotten
+FORGET_NS = 30_000_000_000
 # how long a unit must agree with the others before it counts again: twice as long after each relapse
 PROBATION_NS, LONGEST_PROBATION_NS = 1_000_000_000, 64_000_000_000
 # for so long after a unit was readmitted it is held possible that it never lay, but two others do, unseen

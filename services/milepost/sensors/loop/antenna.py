@@ -11,16 +11,20 @@ from milepost.simulation.motion import Motion
 from ..pulses import legs
 from .crossings import Crossings, Unseen
 
-# an antenna that saw so many pulses fewer than the other is over a joint: one is missed, one more may be on its way
+# an antenna that sees none while the other sees so many is over a joint: one is missed, one more may be on its way
 PULSES_BEHIND = 3
 
 
 class Pulses(NamedTuple):
-    """What an antenna saw in a window: how many pulses, the time of the last one, and of the last one before the window."""
+    """What an antenna saw in a window: how many pulses, the time of the last one, and of the last one before the window.
+
+    `lacked`: the longest run of crossings without a pulse between these. The other antenna saw as many pulses meanwhile.
+    """
 
     passed: int
     last_s: float
     before_s: float | None
+    lacked: int
 
 
 class Antenna:
@@ -33,10 +37,13 @@ class Antenna:
         self._k = crossings.last_before(self._s + offset_m)
         self._below, self._above = crossings.position(self._k), crossings.position(self._k + 1)
         self._pulse_s: float | None = None
+        # crossings without a pulse: since the last pulse, and the most between two pulses of the window
+        self._unseen_since, self._lacked = 0, 0
 
     def look(self, from_s: float, to_s: float) -> Pulses | None:
         """The pulses of the window (from, to]; None where there was none."""
         motion, count, pulse_s = self._motion, 0, 0.0
+        self._lacked = 0
         v0, (_, self._v, _) = self._v, motion.at(to_s)
         for t0, t1 in legs(motion, from_s, v0, to_s, self._v):
             s0, (s1, v1, _) = self._s, motion.at(t1)
@@ -47,22 +54,30 @@ class Antenna:
         if not count:
             return None
         before_s, self._pulse_s = self._pulse_s, pulse_s
-        return Pulses(count, pulse_s, before_s)
+        return Pulses(count, pulse_s, before_s, self._lacked)
 
     def _passed(self, position_m: float) -> tuple[int, float]:
         """How many crossings the antenna sees on the way to a position without turning round, and where the last one lies."""
         count, last_m = 0, 0.0
         while self._above <= position_m:
             self._k += 1
-            if self._k not in self._unseen:
+            if self._pulse(self._k):
                 count, last_m = count + 1, self._above
             self._below, self._above = self._above, self._crossings.position(self._k + 1)
         while self._below > position_m:
-            if self._k not in self._unseen:
+            if self._pulse(self._k):
                 count, last_m = count + 1, self._below
             self._k -= 1
             self._below, self._above = self._crossings.position(self._k), self._below
         return count, last_m
+
+    def _pulse(self, k: int) -> bool:
+        """Whether crossing k makes a pulse."""
+        if k in self._unseen:
+            self._unseen_since += 1
+            return False
+        self._lacked, self._unseen_since = max(self._lacked, self._unseen_since), 0
+        return True
 
 
 class Single:
@@ -76,7 +91,7 @@ class Single:
 class Pair:
     """A device with two antennas: the second one's pulses where the first is over a joint.
 
-    Each antenna's pulses are compared with those of the other since its own last pulse. The mean of both would be no
+    An antenna is over one where the other sees several pulses and it sees none in between. The mean of both would be no
     better than one: they cross the same pitches, with the same errors, one after the other.
     """
 
@@ -89,8 +104,9 @@ class Pair:
         blind = []
         for i in (0, 1):
             self._of_other[i] += counts[1 - i]
-            blind.append(self._of_other[i] - counts[i] >= PULSES_BEHIND)
-            if counts[i]:
+            own = seen[i]
+            blind.append((self._of_other[i] if own is None else own.lacked) >= PULSES_BEHIND)
+            if own is not None:
                 self._of_other[i] = 0
         if blind[0]:
             return None if blind[1] else seen[1]
