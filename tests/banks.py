@@ -152,6 +152,7 @@ class Ride:
     layout: Layout = field(default_factory=Layout)
     groups: tuple[tuple[frozenset[str], float], ...] = ()
     seed: int = 1
+    prior_std: tuple[float, float, float] = tuple(STD.tolist())
 
     def doubts(self) -> Doubts:
         """What is held possible on this train."""
@@ -195,7 +196,7 @@ class Ride:
     def moments(self, duration_s: float, faults: Mapping[str, Fault] | None = None) -> Iterator[Moment]:
         """The bank after each observation, one after the other."""
         kernel = self._with(self.doubts())
-        bank, at_ns = kernel.prior(*self.layout.prior(MEAN, STD)), None
+        bank, at_ns = kernel.prior(*self.layout.prior(MEAN, np.array(self.prior_std))), None
         for o in self.observations(duration_s, faults or {}):
             if at_ns is not None and o.measured_at_ns > at_ns:
                 bank = kernel.advance(bank, (o.measured_at_ns - at_ns) * S_PER_NS)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from functools import cache
 
@@ -9,6 +10,8 @@ import numpy as np
 import pytest
 
 from banks import (
+    MEAN,
+    STD,
     Fault,
     Moment,
     Ride,
@@ -105,11 +108,16 @@ def test_a_liar_that_agrees_again_is_readmitted_once(kind: str, seed: int) -> No
 
 @each_liar
 def test_the_published_belief_never_heard_the_excluded(kind: str) -> None:
-    """It is that of the same train without the unit, also where the unit is heard first."""
+    """It is that of the same train without the unit, also where the unit is heard first.
+
+    The prior of that train is wider by the way that the train has moved until the others are heard.
+    """
     unit, fault, _ = LIARS[kind]
     with_it = list(TRAIN.moments(END_S, {unit: between(FROM_S, END_S, fault)}))
     others = tuple(d for d in TRAIN.devices if d.unit != unit)
-    without = list(replace(TRAIN, devices=others).moments(END_S))
+    late_s = min(d.phase_s for d in others) - min(d.phase_s for d in TRAIN.devices)
+    prior_std = (math.hypot(STD[0], MEAN[1] * late_s), STD[1], STD[2])
+    without = list(replace(TRAIN, devices=others, prior_std=prior_std).moments(END_S))
     for t_s in (FROM_S + 3.0, FROM_S + 7.0, TO_S):
         assert at(with_it, t_s).excluded == {unit}
         one, other = (next(m for m in reversed(run) if m.t_s <= t_s and m.unit != unit) for run in (with_it, without))

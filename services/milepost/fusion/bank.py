@@ -122,6 +122,8 @@ class BankKernel:
         counted_ns = at_ns if counts else verdict.counted_ns
         said = said_by(observation) if suspect and suspect.never_repeats else None
         state = state.judged(unit, verdict.told(said, memory, at_ns, counted_ns, gating, refused))
+        if rows and state.waiting is not None:
+            state = _moved_since(state, state.waiting & state.rows.uses(unit))
         learns = observation.reading is not None and unit in self._readings.learners
         for component, row in enumerate(rows):
             if learns:
@@ -168,6 +170,13 @@ class BankKernel:
         if unit in state.rows.excluded:
             common = 1.0 - float((R / S)[state.leader])
         return self._isolation.decide(state, after, Finding(unit, at_ns, uses, heard, struck, stuck, common=common))
+
+
+def _moved_since(state: Bank, begins: Flags) -> Bank:
+    """P_ss + (v t)²: a row that begins now may have moved in the time t since the first one began, if no clock was behind."""
+    P = state.P.copy()
+    P[begins, 0, 0] += (state.x[begins, 1] * state.waited_s) ** 2
+    return state._replace(P=P)
 
 
 def _alone(state: Bank, unit: str, odd: bool, at_ns: int) -> Verdict:

@@ -10,7 +10,7 @@ from .bank_state import CHANNELS, Bank, led, likeliest, narrowed, protected, rec
 from .evidence import Bounds, Flags
 from .finding import Finding
 from .hypotheses import MOTION_MODEL, NO_ALTERNATIVES, NOBODY, Doubts, Rows, Units, sources
-from .recovery import FORGET_NS, PROBATION_NS, WARY_NS, alternatives, disagreement, passed, revived, widened
+from .recovery import FORGET_NS, PROBATION_NS, WARY_NS, alternatives, disagreement, forgotten, passed, revived, widened
 from .verdicts import Exclusion, Reset, Verdict
 
 # between hypotheses one of which is true, less evidence decides than against all units at once
@@ -180,14 +180,15 @@ class Isolation:
         if not state.alive[0] and unit in state.rows.sets[state.leader]:
             state = self._heard_again(state, unit, at_ns)
         verdict = state.verdicts[unit].watched(at_ns, float(finding.channel.sums[0, state.leader]))
+        earlier = verdict.excluded
+        long = earlier is not None and at_ns - earlier.at_ns > FORGET_NS
         # at first the row is as good as it was with the unit, and a lie that grows would pass for the row's error
-        common = finding.common if verdict.relapses > 1 else 0.0
+        common = finding.common if verdict.relapses > 1 or long else 0.0
         if finding.worst(common)[state.leader] > disagreement(verdict, SOFT * SOFT * self._limit):
             why = self._why(state, finding, state.leader, common)
             state = self._fresh(state, unit)
-            earlier = verdict.excluded
-            if earlier is not None and at_ns - earlier.at_ns > FORGET_NS:
-                state = self._forgotten(state, unit)
+            if long and unit in self._priors:
+                state = forgotten(state, *self._priors[unit], self._limit)
             if earlier is not None and (why.slipping or earlier.found_by != unit) and not earlier.slipping:
                 # its own test tells better than another's what it does, and a slip may begin slowly
                 verdict = verdict._replace(excluded=why._replace(at_ns=earlier.at_ns))
@@ -200,19 +201,6 @@ class Isolation:
             return self._excluded(state, state, state.leader, verdict.excluded._replace(at_ns=at_ns))
         counted_ns = at_ns if verdict.refused is None else verdict.counted_ns
         return self._readmitted(state, unit, verdict._replace(agreed=0, counted_ns=counted_ns), at_ns)
-
-    def _forgotten(self, state: Bank, unit: str) -> Bank:
-        """What is known of a unit is its prior again: one that is wrong for so long may have been taught so."""
-        if unit not in self._priors:
-            return state
-        places, mean, spread = self._priors[unit]
-        x, P = state.x.copy(), state.P.copy()
-        x[:, places] = mean
-        P[:, places, :] = 0.0
-        P[:, :, places] = 0.0
-        own = np.arange(places.start, places.stop)
-        P[:, own, own] = (spread / self._limit) ** 2
-        return state._replace(x=x, P=P)
 
     def _heard_again(self, state: Bank, unit: str, at_ns: int) -> Bank:
         """Go on from a row that hears an excluded unit, where it has become the best; all that it hears must agree anew."""

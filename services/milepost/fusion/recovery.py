@@ -58,6 +58,19 @@ def _rarer(limit: float, times: int) -> float:
     return limit if times == 1 else -normal.inv_cdf(normal.cdf(-limit) / times)
 
 
+def forgotten(state: Bank, places: slice, mean: Array, reach: Array, limit: float) -> Bank:
+    """What is known of a unit is its prior again, in every row: one that is wrong for so long may have been taught so.
+
+    Its prior is `mean` (k) ± `reach` (k), which is `limit` σ.
+    """
+    x, P = state.x.copy(), state.P.copy()
+    x[:, places] = mean
+    P[:, places, :] = 0.0
+    P[:, :, places] = 0.0
+    P[:, places, places] = np.diag((reach / limit) ** 2)
+    return state._replace(x=x, P=P)
+
+
 def alternatives(state: Bank, blamed: Units) -> frozenset[Units]:
     """The rows alive that explain otherwise why units are, or were, excluded.
 
