@@ -188,7 +188,7 @@ class Isolation:
             why = self._why(state, finding, state.leader, common)
             state = self._fresh(state, unit)
             if long and unit in self._priors:
-                state = forgotten(state, *self._priors[unit], self._limit)
+                state = forgotten(state, ~state.rows.uses(unit), *self._priors[unit], self._limit)
             if earlier is not None and (why.slipping or earlier.found_by != unit) and not earlier.slipping:
                 # its own test tells better than another's what it does, and a slip may begin slowly
                 verdict = verdict._replace(excluded=why._replace(at_ns=earlier.at_ns))

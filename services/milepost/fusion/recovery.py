@@ -10,6 +10,7 @@ import numpy as np
 from milepost.estimation.layout import Array
 
 from .bank_state import Bank, protected
+from .evidence import Flags
 from .hypotheses import MOTION_MODEL, Units
 from .verdicts import Verdict
 
@@ -58,16 +59,16 @@ def _rarer(limit: float, times: int) -> float:
     return limit if times == 1 else -normal.inv_cdf(normal.cdf(-limit) / times)
 
 
-def forgotten(state: Bank, places: slice, mean: Array, reach: Array, limit: float) -> Bank:
-    """What is known of a unit is its prior again, in every row: one that is wrong for so long may have been taught so.
+def forgotten(state: Bank, rows: Flags, places: slice, mean: Array, reach: Array, limit: float) -> Bank:
+    """What these rows know of a unit is its prior again: one that is wrong for so long may have been taught so.
 
     Its prior is `mean` (k) ± `reach` (k), which is `limit` σ.
     """
     x, P = state.x.copy(), state.P.copy()
-    x[:, places] = mean
-    P[:, places, :] = 0.0
-    P[:, :, places] = 0.0
-    P[:, places, places] = np.diag((reach / limit) ** 2)
+    x[rows, places] = mean
+    P[rows, places, :] = 0.0
+    P[rows, :, places] = 0.0
+    P[rows, places, places] = np.diag((reach / limit) ** 2)
     return state._replace(x=x, P=P)
 
 
