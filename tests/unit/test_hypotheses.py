@@ -114,6 +114,15 @@ def test_the_reach_of_each_row_is_the_one_by_hand() -> None:
     assert reach[1] == pytest.approx(3.98, abs=0.01)
 
 
+def test_what_noise_seldom_says_makes_the_other_rows_likelier() -> None:
+    """Row 0's worst test is as bad in one of 1000 cases: 1e-3, 2e-3 and 1e-5 become 1 at most, 1 and 0.01; row 0 stays at 1."""
+    rows = Rows(doubts(OFTEN, risk_per_hour=1e-4), NOBODY)
+    _, reach = rows.intervals(np.ones(7, dtype=bool), 0, 3)
+    each = 1e-4 * 10.0 / 3600.0 / 4.0
+    expected = [-NormalDist().inv_cdf(0.5 * each / p) for p in (1.0, 1.0, 1.0, 1e-2)]
+    assert reach == pytest.approx(expected, rel=1e-9)
+
+
 def test_the_row_that_leads_is_always_published() -> None:
     """c is far less likely than b, and may lead all the same where rows were taken over: its mean lies in what is published."""
     rows = Rows(doubts(OFTEN), NOBODY)

@@ -17,6 +17,8 @@ from .verdicts import Reset, Verdict
 
 # a reading may have two rows: the tests of each are apart
 CHANNELS = 2
+# evidence beyond 10⁻⁴ tells no more: then the row is about to be refuted
+RAREST = 4
 
 
 class Channel(NamedTuple):
@@ -152,30 +154,37 @@ def led(before: Bank, state: Bank, row: int, at_ns: int, reason: str) -> Bank:
 
 
 def protected(state: Bank) -> tuple[tuple[float, float], tuple[float, float]]:
-    """[min, max] of position and of speed over the hypotheses that are not refuted: the union of x_h ± K_h σ_h."""
-    held, K = state.rows.intervals(state.alive, state.leader)
+    """[min, max] of position and of speed over the hypotheses that are not refuted: the union of x_h ± K_h σ_h.
+
+    The rarer by noise alone the tests of the row that leads are, the likelier is each other hypothesis.
+    """
+    (chance,) = by_chance(state, slice(state.leader, state.leader + 1))
+    held, K = state.rows.intervals(state.alive, state.leader, int(-math.log10(max(chance, 10.0**-RAREST))))
     variances = np.diagonal(state.P, axis1=1, axis2=2)[held, :2]
     centre, reach = state.x[held, :2], K[:, None] * np.sqrt(variances)
     (low, slow), (high, fast) = (centre - reach).min(axis=0).tolist(), (centre + reach).max(axis=0).tolist()
     return (low, high), (slow, fast)
 
 
-def likeliest(state: Bank, places: Mapping[str, int], rows: Flags) -> int:
+def by_chance(state: Bank, rows: slice) -> Array:
+    """For each of these rows, the probability that the worst test over all units that it uses is as bad by noise alone."""
+    suspects = state.rows.doubts.suspects
+    heard = [(suspects[i // CHANNELS].unit, channel) for i, channel in enumerate(state.channels) if channel.readings]
+    if not heard:
+        return np.ones(len(state.x))[rows]
+    sums = np.stack([channel.sums[:, rows] for _, channel in heard], axis=1)
+    # without the first test: the last reading alone is no evidence of long standing
+    told = statistics(sums, np.array([channel.readings for _, channel in heard]))[1:]
+    uses = np.stack([state.rows.uses(unit)[rows] for unit, _ in heard])
+    return worst_by_chance(np.where(uses, told.max(axis=0), 0.0).max(axis=0), len(told) * uses.sum(axis=0))
+
+
+def likeliest(state: Bank, rows: Flags) -> int:
     """The row of these with the best odds: its probability, times that of a worst test as bad as its units' by chance.
 
-    `places`: the first channel of each unit. A row that hears no speed is where it was predicted to be, and nothing tells
-    against it: it is chosen only where no other one is left.
+    A row that hears no speed is where it was predicted to be, and nothing tells against it: it is chosen only where no other
+    one is left.
     """
     hearing = rows & ~state.rows.deaf
-    worst, tests = np.zeros((2, len(state.x)))
-    for unit, place in places.items():
-        uses = state.rows.uses(unit)
-        for sums, count, *_ in state.channels[place : place + CHANNELS]:
-            if count:
-                # without the first test: the last reading alone is no evidence of long standing
-                told = statistics(sums, count)[1:]
-                worst = np.maximum(worst, np.where(uses, told.max(axis=0), 0.0))
-                tests += np.where(uses, len(told), 0)
-    return int(
-        np.argmax(np.where(hearing if hearing.any() else rows, state.rows.chances * worst_by_chance(worst, tests), -1.0))
-    )
+    odds = state.rows.chances * by_chance(state, slice(None))
+    return int(np.argmax(np.where(hearing if hearing.any() else rows, odds, -1.0)))

@@ -64,13 +64,14 @@ def extended(sums: Array, e: Array) -> Array:
     return out
 
 
-def statistics(sums: Array, count: int) -> Array:
+def statistics(sums: Array, count: Any) -> Array:
     """The tests (7, H), each N(0, 1) or |N(0, 1)| under its hypothesis: the innovation, its means, its mean squares.
 
     |Σλᵏe|/√Σλ²ᵏ, for a window of one |e|; and Wilson and Hilferty's ((q/Σλᵏ)^⅓ - 1 + 2/9ν)/√(2/9ν) with q = Σλᵏe² and
-    ν = (Σλᵏ)²/Σλ²ᵏ degrees of freedom. `count`: the number of innovations in the sums.
+    ν = (Σλᵏ)²/Σλ²ᵏ degrees of freedom. `count`: the number of innovations in the sums; several (C) for sums (7, C, H).
     """
-    root, weight, offset, sharp = (scale[:, None] for scale in _scales(min(count, FULL)))
+    scales = _scales(np.minimum(np.asarray(count)[..., None], FULL))
+    root, weight, offset, sharp = (np.moveaxis(scale, -1, 0)[..., None] for scale in scales)
     out = np.empty_like(sums)
     out[:M] = np.abs(sums[:M]) * root[:M]
     out[M:] = (np.cbrt(sums[M:] * weight[M:]) - offset[M:]) * sharp[M:]

@@ -137,7 +137,7 @@ class Rows:
         self.deaf = np.array([not doubts.speed_units - units for units in self.sets])
         self.places = {units: i for i, units in enumerate(self.sets)}
         self._uses: dict[str, Flags] = {}
-        self._intervals: dict[tuple[bytes, int], tuple[Flags, NDArray[np.float64]]] = {}
+        self._intervals: dict[tuple[bytes, int, int], tuple[Flags, NDArray[np.float64]]] = {}
 
     def uses(self, unit: str) -> Flags:
         """Whether each row uses a unit."""
@@ -155,21 +155,24 @@ class Rows:
         """
         return alive & self.near if alive[0] else self._likely(alive) | self.plausible(alive)
 
-    def intervals(self, alive: Flags, leader: int) -> tuple[Flags, NDArray[np.float64]]:
+    def intervals(self, alive: Flags, leader: int, rarity: int = 0) -> tuple[Flags, NDArray[np.float64]]:
         """The published rows (H), the leading one among them, and K of each of these.
 
         Σ p_h · 2 Φ(-K_h) is the risk of one decorrelation time; the published rows share it evenly. p_h is 1 for row 0 and the
-        probability of its faults for each other row, and relative to the likeliest once row 0 is refuted.
+        probability of its faults for each other row, and relative to the likeliest once row 0 is refuted. Where noise makes the
+        tests of the leading row as bad in one of 10ʳ cases (`rarity`), each other row is so much likelier, up to the likeliest.
         """
-        key = alive.tobytes(), leader
+        key = alive.tobytes(), leader, rarity
         kept = self._intervals.get(key)
         if kept is None:
             if len(self._intervals) >= KEPT_INTERVALS:
                 self._intervals.clear()
             published = self.published(alive)
             published[leader] = True
-            risk = self.doubts.risk * self.chances[published].max(initial=0.0) / max(1, int(published.sum()))
-            kept = published, np.array([normal_reach(risk / p) for p in self.chances[published]])
+            likeliest = self.chances[published].max(initial=0.0)
+            risk = self.doubts.risk * likeliest / max(1, int(published.sum()))
+            chances = np.minimum(self.chances[published] * 10.0**rarity, likeliest)
+            kept = published, np.array([normal_reach(risk / p) for p in chances])
             self._intervals[key] = kept
         return kept
 

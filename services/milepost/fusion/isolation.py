@@ -87,7 +87,7 @@ class Isolation:
             return self._excluded(before, state, least, why)
         if alive[state.leader]:
             return state
-        return led(before, state, likeliest(state, self._channels, plausible), at_ns, "the hypothesis that led is refuted")
+        return led(before, state, likeliest(state, plausible), at_ns, "the hypothesis that led is refuted")
 
     def _why(self, state: Bank, finding: Finding, row: int, common: float = 0.0) -> Exclusion:
         """The evidence against a row; `common`: for one that does not hear the unit."""
@@ -204,7 +204,7 @@ class Isolation:
 
     def _heard_again(self, state: Bank, unit: str, at_ns: int) -> Bank:
         """Go on from a row that hears an excluded unit, where it has become the best; all that it hears must agree anew."""
-        best = likeliest(state, self._channels, state.rows.plausible(state.alive))
+        best = likeliest(state, state.rows.plausible(state.alive))
         if unit in state.rows.sets[best]:
             return state
         state = led(state, state, best, at_ns, "another hypothesis has become likelier")
@@ -217,7 +217,7 @@ class Isolation:
         plausible, first = state.rows.plausible(state.alive), state.rows.hard.start
         if (plausible & ~state.rows.deaf)[:first].any() or finding.at_ns - state.dead_ns[0] < PROBATION_NS:
             return state
-        best = likeliest(state, self._channels, plausible)
+        best = likeliest(state, plausible)
         return state if best < first else self._excluded(state, state, best, self._why(state, finding, 0))
 
     def _motion_probation(self, state: Bank, at_ns: int) -> Bank:
