@@ -204,7 +204,7 @@ class Isolation:
 
     def _heard_again(self, state: Bank, unit: str, at_ns: int) -> Bank:
         """Go on from a row that hears an excluded unit, where it has become the best; all that it hears must agree anew."""
-        best = likeliest(state, state.rows.plausible(state.alive))
+        best = likeliest(state, state.rows.published(state.alive))
         if unit in state.rows.sets[best]:
             return state
         state = led(state, state, best, at_ns, "another hypothesis has become likelier")
