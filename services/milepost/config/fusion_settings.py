@@ -136,4 +136,5 @@ def doubts(train: Train) -> Doubts:
         motion.hard_probability,
         motion.hard_jerk_psd_m2ps5,
         frozenset(unit for unit, sensor in train.sensors.items() if sensor.stream == "speed_reading"),
+        frozenset(unit for unit, sensor in train.sensors.items() if sensor.stream == "position_reading"),
     )

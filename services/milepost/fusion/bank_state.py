@@ -182,7 +182,7 @@ def by_chance(state: Bank, rows: slice) -> Array:
 def likeliest(state: Bank, rows: Flags) -> int:
     """The row of these with the best odds: its probability, times that of a worst test as bad as its units' by chance.
 
-    A row that hears no speed is where it was predicted to be, and nothing tells against it: it is chosen only where no other
+    A deaf row is where it was predicted to be, and nothing tells against it: it is chosen only where no other
     one is left.
     """
     hearing = rows & ~state.rows.deaf

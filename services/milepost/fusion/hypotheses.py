@@ -50,7 +50,8 @@ class Doubts:
     `groups`: units that one cause makes lie together, and its probability. `false_alarms_per_hour`: of the whole train.
     `risk_per_hour`: of the truth outside the published interval. `hard_motion_probability`: that the train moves harder than
     its motion model says at any moment, 0: never; its rows are driven by white jerk of `hard_jerk_psd` (m²/s⁵). `speed_units`:
-    those that read the train's speed, without which such a row grows and nothing refutes it.
+    those that read the train's speed, without which such a row grows and nothing refutes it. `position_units`: those that read
+    its position again and again.
     """
 
     suspects: tuple[Suspect, ...] = ()
@@ -60,6 +61,7 @@ class Doubts:
     hard_motion_probability: float = 0.0
     hard_jerk_psd: float = 50.0
     speed_units: Units = NOBODY
+    position_units: Units = NOBODY
     by_unit: Mapping[str, Suspect] = field(init=False, repr=False, compare=False)
     threshold: float = field(init=False, repr=False, compare=False)
     _causes: tuple[tuple[Units, float], ...] = field(init=False, repr=False, compare=False)
@@ -111,7 +113,7 @@ class Rows:
     of why it was, not refuted so far, which are as likely as they are beside that; what is blamed may as well lie again.
     `near` (H): these, and the rows of at most one cause more than is excluded.
     `hard`: the places of the rows for a train that moves harder than its motion model, which are the last ones.
-    `deaf`: the rows that hear no unit which reads the speed.
+    `deaf`: the rows that hear no unit which reads the speed, nor the position again and again.
     """
 
     def __init__(
@@ -134,7 +136,8 @@ class Rows:
         self.near = np.array([units in single or units in otherwise for units in self.sets])
         self._onward = np.array([units >= excluded or units - excluded <= HARD for units in self.sets])
         self.hard = range(sum(MOTION_MODEL not in units for units in self.sets), len(self.sets))
-        self.deaf = np.array([not doubts.speed_units - units for units in self.sets])
+        followed = doubts.speed_units | doubts.position_units
+        self.deaf = np.array([not followed - units for units in self.sets])
         self.places = {units: i for i, units in enumerate(self.sets)}
         self._uses: dict[str, Flags] = {}
         self._intervals: dict[tuple[bytes, int, int], tuple[Flags, NDArray[np.float64]]] = {}

@@ -213,7 +213,7 @@ class Isolation:
         return state
 
     def _motion_blamed(self, state: Bank, finding: Finding) -> Bank:
-        """Hold the motion model exceeded where every other explanation hears nothing that could tell."""
+        """Hold the motion model exceeded where every other explanation is deaf."""
         plausible, first = state.rows.plausible(state.alive), state.rows.hard.start
         if (plausible & ~state.rows.deaf)[:first].any() or finding.at_ns - state.dead_ns[0] < PROBATION_NS:
             return state

@@ -78,8 +78,11 @@ def alternatives(state: Bank, blamed: Units) -> frozenset[Units]:
     Where the train moves harder than its motion model, only those that hear a unit which reads the speed: others are never
     refuted, and their intervals grow without end.
     """
-    held = state.alive & ~state.rows.deaf if MOTION_MODEL in blamed else state.alive
-    return frozenset(units for units, lives in zip(state.rows.sets, held, strict=True) if lives and not units >= blamed)
+    alive = (units for units, lives in zip(state.rows.sets, state.alive, strict=True) if lives)
+    others = frozenset(units for units in alive if not units >= blamed)
+    if MOTION_MODEL not in blamed:
+        return others
+    return frozenset(units for units in others if state.rows.doubts.speed_units - units)
 
 
 def widened(state: Bank, row: int, limit: float) -> Array:
