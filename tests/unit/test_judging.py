@@ -138,8 +138,10 @@ def test_a_judge_that_remembers_judges_once_at_the_leading_belief() -> None:
 
 
 def test_a_pure_reading_is_linearised_at_each_hypothesis_own_belief() -> None:
-    """The prior of those that do not hear v is still at its place when u is heard."""
+    """The prior of those that do not hear v is still at its place when u is heard, wider by the way in between: P_ss + (v t)²."""
     line = timeline(Squared())
+    later = COVARIANCE.copy()
+    later[0, 0] += (MEAN[1] * 1.0) ** 2
     line.insert(speed("v", 0.0, 21.0), T0 + NS_PER_S)
     line.insert(spoken(1.0, 410.0), T0 + NS_PER_S)
     state = line.state_at(T0 + NS_PER_S)
@@ -148,6 +150,7 @@ def test_a_pure_reading_is_linearised_at_each_hypothesis_own_belief() -> None:
     for units, x, P in zip(state.rows.sets, state.x, state.P, strict=True):
         mean, covariance = (MEAN, COVARIANCE) if "v" in units else (F @ heard[0], F @ heard[1] @ F.T + Q)
         if "u" not in units:
+            covariance = later if "v" in units else covariance
             h = np.array([0.0, 2.0 * mean[1], 0.0])
             mean, covariance = update(mean, covariance, h, 410.0 + mean[1] ** 2, 4.0)
         np.testing.assert_allclose(x, mean, rtol=1e-12)
