@@ -138,7 +138,7 @@ def test_a_judge_that_remembers_judges_once_at_the_leading_belief() -> None:
 
 
 def test_a_pure_reading_is_linearised_at_each_hypothesis_own_belief() -> None:
-    """The prior of those that do not hear v is still at its place when u is heard, wider by the way in between: P_ss + (v t)²."""
+    """The prior of those that do not hear v is still at its place when u is heard, wider by the way: P_ss + (v t)²."""
     line = timeline(Squared())
     later = COVARIANCE.copy()
     later[0, 0] += (MEAN[1] * 1.0) ** 2
