@@ -69,6 +69,7 @@ MISTAKES = (
     Mistake("number for a file", "line", "", {"line": 5}),
     # values
     Mistake("name with a slash", "train", "", {"train": "a/b"}),
+    Mistake("name with a capital letter", "train", "lower-case letters, digits", {"train": "Metro"}),
     Mistake(
         "unit's name that is the motion model's", "units", "motion-model", {"units.motion-model": {"kind": "doppler_radar"}}
     ),

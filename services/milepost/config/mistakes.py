@@ -10,6 +10,7 @@ from pydantic import BaseModel
 from pydantic_core import ErrorDetails
 
 from milepost.recordings.options import nearest as nearest
+from milepost_schemas.message import NAME_PATTERN
 
 UNKNOWN_KEY = ("extra_forbidden", "unexpected_keyword_argument")
 LONGEST_VALUE = 60
@@ -50,6 +51,8 @@ def text_of(mistake: ErrorDetails, model: type) -> str:
         words = [word.strip("'") for word in context["expected"].replace(" or ", ", ").split(", ")]
         return must_be_one_of(words, value)
     text = mistake["msg"].removeprefix("Value error, ")
+    if kind == "string_pattern_mismatch" and context["pattern"] == NAME_PATTERN:
+        text = "must be 1 to 63 lower-case letters, digits, '_', '.' or '-', and begin with a letter or a digit"
     # for a whole mapping or list the text names the wrong field already
     if kind == "missing" or (kind == "value_error" and isinstance(value, Mapping | list)) or _abbreviated(value) in text:
         return text
