@@ -6,7 +6,9 @@ import signal
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
+from importlib import import_module
 from pathlib import Path
+from types import ModuleType
 
 from milepost.cli.endpoint import port_is_free
 from milepost.config.errors import ConfigError
@@ -14,24 +16,11 @@ from milepost.runtime.launch import Job
 from milepost.runtime.logs.records import say, set_up_log
 from milepost.runtime.zenoh_config import Connection, as_options
 
-from . import feed, page
-
 HERE = "127.0.0.1"
-Tell = Callable[[str], None]
-
-
-@dataclass(frozen=True)
-class WebServer:
-    """`needs(command, option)` raises ConfigError where a library is missing; `says`: where it is, for people."""
-
-    needs: Callable[[str, str], None]
-    serve: Callable[[Connection, str, int, Sequence[Path], Tell | None, str], None]
-    says: str
-
-
+# where it is, for people; the code of each is the module of its name, with `needs` and `serve`
 WEB_SERVERS = {
-    "feed": WebServer(feed.needs, feed.serve, "http://{place} lists what machines can read"),
-    "page": WebServer(page.needs, page.serve, "the dispatch page is at http://{place}"),
+    "feed": "http://{place} lists what machines can read",
+    "page": "the dispatch page is at http://{place}",
 }
 
 
@@ -41,7 +30,7 @@ def run_web_server(name: str, connection: Connection, host: str, port: int, line
     _check(name, host, port, name, "--port")
     # opening a session waits inside Zenoh, where Python cannot see a signal
     signal.signal(signal.SIGINT, signal.SIG_DFL)
-    WEB_SERVERS[name].serve(connection, host, port, lines, say, url)
+    _code(name).serve(connection, host, port, lines, say, url)
     return 0
 
 
@@ -63,7 +52,7 @@ class WebPorts:
 
     def sentences(self) -> list[str]:
         """Where they are, for people."""
-        return [WEB_SERVERS[name].says.format(place=f"{HERE}:{port}") for name, port in self._wanted()]
+        return [WEB_SERVERS[name].format(place=f"{HERE}:{port}") for name, port in self._wanted()]
 
     def jobs(self, connection: Callable[[str], Connection], lines: Sequence[Path]) -> Iterator[Job]:
         """Their processes. `connection`: how each connects, by its name; `lines`: the files of the trains' lines."""
@@ -77,14 +66,19 @@ class WebPorts:
         return [(name, port) for name, port in (("feed", self.feed), ("page", self.page)) if port is not None]
 
 
+def _code(name: str) -> ModuleType:
+    """Loaded when it is used: `milepost up` says its first words before anything heavy."""
+    return import_module(f".{name}", __package__)
+
+
 def _body(name: str, connection: Connection, port: int, lines: Sequence[Path]) -> None:
     set_up_log(name)
-    WEB_SERVERS[name].serve(connection, HERE, port, lines, None, "")
+    _code(name).serve(connection, HERE, port, lines, None, "")
 
 
 def _check(name: str, host: str, port: int, command: str, option: str) -> None:
     """Raises ConfigError where a library is missing or nothing can listen on a port."""
-    WEB_SERVERS[name].needs(command, option)
+    _code(name).needs(command, option)
     place = f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
     try:
         free = port_is_free(f"tcp/{place}")
