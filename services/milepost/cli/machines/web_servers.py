@@ -59,8 +59,9 @@ class WebPorts:
         lines = list(dict.fromkeys(lines))
         options = [word for line in lines for word in ("--line", str(line))]
         for name, port in self._wanted():
-            words = ("--port", str(port), *options, *as_options(connection(name)))
-            yield Job(name, (name,), words, partial(_body, name, connection(name), port, lines))
+            own = connection(name)
+            words = ("--port", str(port), *options, *as_options(own))
+            yield Job(name, (name,), words, partial(_body, name, own, port, lines))
 
     def _wanted(self) -> list[tuple[str, int]]:
         return [(name, port) for name, port in (("feed", self.feed), ("page", self.page)) if port is not None]
