@@ -16,7 +16,7 @@ from .verdicts import Verdict
 
 # a refuted hypothesis is taken up again from row 0, if row 0 lives so long
 REVIVE_NS = 30_000_000_000
-# what a unit has been wrong for so long with is forgotten
+# a unit that has been wrong for so long is given its prior again: it may have learned its own lie
 FORGET_NS = 30_000_000_000
 # how long a unit must agree with the others before it counts again: twice as long after each relapse
 PROBATION_NS, LONGEST_PROBATION_NS = 1_000_000_000, 64_000_000_000
