@@ -172,11 +172,13 @@ def by_chance(state: Bank, rows: slice) -> Array:
     heard = [(suspects[i // CHANNELS].unit, channel) for i, channel in enumerate(state.channels) if channel.readings]
     if not heard:
         return np.ones(len(state.x))[rows]
-    sums = np.stack([channel.sums[:, rows] for _, channel in heard], axis=1)
+    sums = np.concatenate([channel.sums[:, rows] for _, channel in heard], axis=1)
+    H = sums.shape[1] // len(heard)
     # without the first test: the last reading alone is no evidence of long standing
-    told = statistics(sums, np.array([channel.readings for _, channel in heard]))[1:]
-    uses = np.stack([state.rows.uses(unit)[rows] for unit, _ in heard])
-    return worst_by_chance(np.where(uses, told.max(axis=0), 0.0).max(axis=0), len(told) * uses.sum(axis=0))
+    told = statistics(sums, np.repeat([channel.readings for _, channel in heard], H))[1:]
+    uses = np.array([state.rows.uses(unit)[rows] for unit, _ in heard])
+    worst = np.where(uses, told.max(axis=0).reshape(-1, H), 0.0).max(axis=0)
+    return worst_by_chance(worst, len(told) * uses.sum(axis=0))
 
 
 def likeliest(state: Bank, rows: Flags) -> int:

@@ -47,11 +47,16 @@ def _weights(count: Any) -> tuple[Array, Array]:
     return (1.0 - LAMBDAS**count) / (1.0 - LAMBDAS), (1.0 - LAMBDAS ** (2 * count)) / (1.0 - LAMBDAS**2)
 
 
-def _scales(count: Any) -> tuple[Array, Array, Array, Array]:
-    """For `count` readings, one number or a column: 1/√Σλ²ᵏ, 1/Σλᵏ; 1 - 2/9ν and 1/√(2/9ν) of Wilson and Hilferty."""
-    weights, squares = _weights(count)
+def _scales() -> Array:
+    """For 1, 2 … `FULL` readings: 1/√Σλ²ᵏ, 1/Σλᵏ; 1 - 2/9ν and 1/√(2/9ν) of Wilson and Hilferty; shape (4, 7, `FULL`)."""
+    weights, squares = _weights(np.arange(1, FULL + 1)[:, None])
     spread = 2.0 / 9.0 * squares / weights**2
-    return 1.0 / np.sqrt(squares), 1.0 / weights, 1.0 - spread, 1.0 / np.sqrt(spread)
+    scales = np.stack([1.0 / np.sqrt(squares), 1.0 / weights, 1.0 - spread, 1.0 / np.sqrt(spread)])
+    return np.ascontiguousarray(scales.swapaxes(1, 2))
+
+
+# computing them for each reading would cost as much as the tests themselves
+SCALES = _scales()
 
 
 def extended(sums: Array, e: Array) -> Array:
@@ -68,10 +73,9 @@ def statistics(sums: Array, count: Any) -> Array:
     """The tests (7, H), each N(0, 1) or |N(0, 1)| under its hypothesis: the innovation, its means, its mean squares.
 
     |Σλᵏe|/√Σλ²ᵏ, for a window of one |e|; and Wilson and Hilferty's ((q/Σλᵏ)^⅓ - 1 + 2/9ν)/√(2/9ν) with q = Σλᵏe² and
-    ν = (Σλᵏ)²/Σλ²ᵏ degrees of freedom. `count`: the number of innovations in the sums; several (C) for sums (7, C, H).
+    ν = (Σλᵏ)²/Σλ²ᵏ degrees of freedom. `count`: the number of innovations in the sums, one or of each (H).
     """
-    scales = _scales(np.minimum(np.asarray(count)[..., None], FULL))
-    root, weight, offset, sharp = (np.moveaxis(scale, -1, 0)[..., None] for scale in scales)
+    root, weight, offset, sharp = SCALES[:, :, np.minimum(np.atleast_1d(count), FULL) - 1]
     out = np.empty_like(sums)
     out[:M] = np.abs(sums[:M]) * root[:M]
     out[M:] = (np.cbrt(sums[M:] * weight[M:]) - offset[M:]) * sharp[M:]
@@ -102,7 +106,7 @@ class Bounds:
     """The sums (7) at which the tests reach `limit`: comparing sums is a tenth of the work of `statistics`."""
 
     def __init__(self, limit: float) -> None:
-        root, weight, offset, sharp = _scales(np.arange(1, FULL + 1)[:, None])
+        root, weight, offset, sharp = SCALES.swapaxes(1, 2)
         bounds = np.where(np.arange(len(WINDOWS)) < M, limit / root, (limit / sharp + offset) ** 3 / weight)
         self._bounds = bounds[:, :, None]
 

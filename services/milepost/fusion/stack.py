@@ -61,8 +61,11 @@ class Stack:
         step = K * nu[:, None]
         if scale is not None:
             d = step[:, :N_COMMON] / (1.0 + x[:, scale, None])
-            A[:, :N_COMMON] += d[:, :, None] * A[:, scale, None, :]
-            A[:, :, :N_COMMON] += A[:, :, scale, None] * d[:, None, :]
+            # A ← (1 + d eᵀ) A (1 + e dᵀ), e the scale's unit vector; what is added to the columns is added to the rows instead:
+            # the symmetric part is the same, at half the cost
+            w = A[:, scale] + A[:, :, scale]
+            w[:, :N_COMMON] += A[:, scale, scale, None] * d
+            A[:, :N_COMMON] += d[:, :, None] * w[:, None, :]
         out = A + A.transpose(0, 2, 1)
         out *= 0.5
         return x + step, out
