@@ -9,16 +9,12 @@ import signal
 import subprocess
 import sys
 import tempfile
-import threading
 import time
-from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import msgpack
 import numpy as np
 import psutil
 import yaml
@@ -31,51 +27,13 @@ from milepost.recorder.reading import recordings_in
 from milepost.recorder.summary import Summary
 from milepost.runtime.zenoh_config import client
 
+from .browser import browsing, seen, watched
+from .outside import Outside
+
 FLEET = "two-hundred"
 # trains in shared processes; one process for each train; ten processes for each train
 MODES = ("together", "one-each", "apart")
 SETTLE_S = 8.0
-
-
-@dataclass
-class Outside:
-    """A plain subscriber to all states: by train, when the first one came; since `begin`, epochs, ages, what was amiss."""
-
-    first_s: dict[str, float] = field(default_factory=dict)
-    epochs: dict[str, list[int]] = field(default_factory=dict)
-    ages_ms: list[float] = field(default_factory=list)
-    awaiting: int = 0
-    statuses: Counter[str] = field(default_factory=Counter)
-    listening: bool = False
-    lock: threading.Lock = field(default_factory=threading.Lock)
-
-    def receive(self, sample: Any) -> None:
-        now_ns, state = time.time_ns(), msgpack.unpackb(sample.payload.to_bytes())
-        with self.lock:
-            self.first_s.setdefault(state["train"], time.monotonic())
-            if not self.listening:
-                return
-            self.epochs.setdefault(state["train"], []).append(state["epoch"])
-            self.ages_ms.append((now_ns - state["measured_at_ns"]) / 1e6)
-            self.awaiting += bool(state["awaiting"])
-            self.statuses[state["status"]] += 1
-
-    def figures(self, trains: int, hz: float, for_s: float) -> dict[str, Any]:
-        with self.lock:
-            seen = sum(map(len, self.epochs.values()))
-            missing = sum(max(e) - min(e) + 1 - len(set(e)) for e in self.epochs.values())
-            repeated = sum(len(e) - len(set(e)) for e in self.epochs.values())
-            ages = np.percentile(self.ages_ms, [50, 99, 100]) if self.ages_ms else [float("nan")] * 3
-        return {
-            "trains_seen": len(self.epochs),
-            "states_per_s": seen / for_s,
-            "expected_per_s": trains * hz,
-            "epochs_missing": missing,
-            "epochs_repeated": repeated,
-            "states_awaiting": self.awaiting,
-            "statuses": dict(self.statuses),
-            **{f"age_{name}_ms": float(age) for name, age in zip(("p50", "p99", "max"), ages, strict=True)},
-        }
 
 
 def fleet_file(folder: Path, trains: int, hz: float, mode: str) -> Path:
@@ -105,10 +63,13 @@ def fleet_file(folder: Path, trains: int, hz: float, mode: str) -> Path:
 
 
 @contextmanager
-def running(fleet: Path, endpoint: str, mode: str, record: Path | None, log: Path) -> Iterator[subprocess.Popen]:
+def running(
+    fleet: Path, endpoint: str, mode: str, record: Path | None, page: int | None, log: Path
+) -> Iterator[subprocess.Popen]:
     words = ["up", "--headless", "--fleet", str(fleet), "--listen", endpoint]
     words += ["--together"] if mode != "apart" else []
     words += ["--record", str(record)] if record is not None else []
+    words += ["--page", str(page)] if page is not None else []
     with log.open("wb") as errors:
         up = subprocess.Popen([sys.executable, "-m", "milepost", *words], stderr=errors, stdout=errors)
         try:
@@ -119,11 +80,13 @@ def running(fleet: Path, endpoint: str, mode: str, record: Path | None, log: Pat
 
 
 def kinds(pid: int) -> dict[str, list[int]]:
-    """The processes of `up` by what they are: `together`, `recorder`, `router`, others."""
+    """The processes of `up` by what they are: `together`, `recorder`, `router`, `page`, others."""
     found: dict[str, list[int]] = {"up": [pid]}
     for child in psutil.Process(pid).children(recursive=True):
         words = title_of(child.pid).split()
-        found.setdefault(words[2] if words[1:2] == ["run"] else "display", []).append(child.pid)
+        found.setdefault(words[2] if words[1:2] == ["run"] else "page" if "page" in words[1:2] else "display", []).append(
+            child.pid
+        )
     return found
 
 
@@ -131,26 +94,38 @@ def busy_s(pids: Sequence[int]) -> float:
     return sum(sum(psutil.Process(pid).cpu_times()[:2]) for pid in pids)
 
 
-def measure_fleet(trains: int, hz: float, for_s: float, mode: str, record: bool, start_s: float) -> dict[str, Any]:
+@contextmanager
+def looked_at(port: int | None) -> Iterator[Any]:
+    """A browser's tab that shows the dispatch page of a port; None without a port."""
+    if port is None:
+        yield None
+        return
+    with browsing() as browser:
+        yield watched(browser, f"http://127.0.0.1:{port}")
+
+
+def measure_fleet(trains: int, hz: float, for_s: float, mode: str, record: bool, page: bool, start_s: float) -> dict[str, Any]:
     """All figures of one fleet. What it recorded is counted, and deleted."""
     with tempfile.TemporaryDirectory(prefix="milepost-bench-") as name:
         folder, endpoint = Path(name), f"tcp/127.0.0.1:{free_port()}"
-        recording = folder / "recording" if record else None
+        recording, port = folder / "recording" if record else None, free_port() if page else None
         fleet, outside = fleet_file(folder, trains, hz, mode), Outside()
         begun = time.monotonic()
         with (
-            running(fleet, endpoint, mode, recording, folder / "log") as up,
+            running(fleet, endpoint, mode, recording, port, folder / "log") as up,
             zenoh.open(zenoh.Config.from_json5(json.dumps(client([endpoint])))) as session,
         ):
             kept = session.declare_subscriber("milepost/v1/*/state", outside.receive)
             while len(outside.first_s) < trains and time.monotonic() < begun + start_s and up.poll() is None:
                 time.sleep(0.2)
             time.sleep(SETTLE_S)
-            before, idle = {kind: busy_s(pids) for kind, pids in kinds(up.pid).items()}, psutil.cpu_times()
-            outside.listening, since = True, time.monotonic()
-            time.sleep(for_s)
-            outside.listening, spent_s = False, time.monotonic() - since
-            after, machine = kinds(up.pid), psutil.cpu_times()
+            with looked_at(port) as tab:
+                before, idle = {kind: busy_s(pids) for kind, pids in kinds(up.pid).items()}, psutil.cpu_times()
+                outside.listening, since = True, time.monotonic()
+                time.sleep(for_s)
+                outside.listening, spent_s = False, time.monotonic() - since
+                after, machine = kinds(up.pid), psutil.cpu_times()
+                shown = {} if tab is None else on_page(tab, outside)
             cores = {kind: (busy_s(pids) - before.get(kind, 0.0)) / spent_s for kind, pids in after.items()}
             memory = {kind: proportional_mib(pids) for kind, pids in after.items()}
             del kept
@@ -172,9 +147,18 @@ def measure_fleet(trains: int, hz: float, for_s: float, mode: str, record: bool,
             "memory_total_mib": mib,
             "mib_per_train": mib / trains,
             "machine_busy": busy,
+            **shown,
             **({} if recording is None else recorded(recording)),
             "restarts": (folder / "log").read_text(errors="replace").count(" restarted"),
         }
+
+
+def on_page(tab: Any, outside: Outside) -> dict[str, Any]:
+    """What a browser showed of the fleet, and how much later than the subscriber had it."""
+    lags = outside.lags_ms(seen(tab)[0])
+    p50, p99, most = np.percentile(lags, [50, 99, 100]) if lags else [float("nan")] * 3
+    rows = tab.locator("#trains tr").count()
+    return {"page_rows": rows, "page_positions": len(lags), "page_lag_ms": {"p50": p50, "p99": p99, "max": most}}
 
 
 def recorded(folder: Path) -> dict[str, float]:
@@ -201,6 +185,9 @@ def text(found: dict[str, Any]) -> str:
         f"all trains speak after {'never' if start is None else f'{start:.1f} s'}",
         f"machine {found['machine_busy']:.0%} busy",
     ]
+    if "page_lag_ms" in found:
+        lag = found["page_lag_ms"]
+        said.append(f"{found['page_rows']} rows on the page, {lag['p50']:.0f} ms later, 99 % {lag['p99']:.0f} ms")
     if "recorded" in found:
         said.append(f"{found['recorder_missing']} of {found['recorded']} messages missing in the recording")
     return "; ".join(said)
@@ -215,6 +202,7 @@ def main() -> None:
     parser.add_argument("--mode", nargs="+", choices=MODES, default=["together"])
     parser.add_argument("--for", type=float, default=60.0, dest="for_s", help="seconds")
     parser.add_argument("--no-record", action="store_true", help="without a recorder")
+    parser.add_argument("--page", action="store_true", help="with the dispatch page, shown by a browser")
     parser.add_argument("--start", type=float, default=180.0, help="seconds to wait for all trains")
     parser.add_argument("--out", type=Path, help="write JSON to this file, after each fleet")
     options = parser.parse_args()
@@ -222,7 +210,7 @@ def main() -> None:
     for mode in options.mode:
         for hz in options.hz:
             for trains in options.trains:
-                each = measure_fleet(trains, hz, options.for_s, mode, not options.no_record, options.start)
+                each = measure_fleet(trains, hz, options.for_s, mode, not options.no_record, options.page, options.start)
                 print(text(each), flush=True)
                 found.append(each)
                 if options.out is not None:

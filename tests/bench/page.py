@@ -8,7 +8,6 @@ from __future__ import annotations
 import argparse
 import json
 import os
-import shutil
 import signal
 import subprocess
 import sys
@@ -24,32 +23,26 @@ from milepost.runtime import zenoh_config
 from milepost.runtime.bus import open_session
 from milepost_schemas import BY_NAME, Health
 
+from .browser import browsing, seen, watched
+
 # 1 ms is 1 m, and 0.1 ms the least digit of the first page; after a thousand seconds it begins again
 PER_S, WRAP_S = 1000.0, 1000.0
-STATE_HZ, MOST_PROCESSES = 50.0, 12
+MOST_PROCESSES = 12
 # what the start takes is not what a running page takes
 AFTER_START_S = 20.0
-# in the browser: the lag of every position that changes, and when frames came
-WATCH = """() => {
-  window.lags = []; window.frames = 0;
-  const lag = (text) => { const at = parseFloat(text); if (!isNaN(at)) {
-    let ms = (Date.now() / 1000 % %WRAP) * 1000 - at; if (ms < -500000) ms += %WRAP * 1000; window.lags.push(ms); } };
-  new MutationObserver((all) => { window.frames += 1;
-    for (const each of all) if (each.target.dataset?.field === "position") lag(each.target.textContent);
-  }).observe(document.body, { childList: true, subtree: true });
-}""".replace("%WRAP", f"{WRAP_S:g}")
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m tests.bench.page", description=__doc__)
     parser.add_argument("--trains", type=int, default=50)
+    parser.add_argument("--hz", type=float, default=50.0, help="states a second of each train")
     parser.add_argument("--for", dest="for_s", type=float, default=60.0, help="seconds for each of the two pages")
     options = parser.parse_args()
     endpoint, port = f"tcp/127.0.0.1:{free_port()}", free_port()
     started = [_milepost("run", "router", "--listen", endpoint)]
     started.append(_milepost("page", "--port", str(port), "--connect", endpoint))
     over, epochs = threading.Event(), list[float]()
-    sender = threading.Thread(target=_publish, args=(endpoint, options.trains, over, epochs))
+    sender = threading.Thread(target=_publish, args=(endpoint, options.trains, options.hz, over, epochs))
     sender.start()
     try:
         found = {
@@ -83,32 +76,29 @@ def _busy(pid: int, for_s: float, after_s: float) -> float:
 
 
 def _look(address: str, pid: int, for_s: float) -> dict[str, Any]:
-    from playwright.sync_api import sync_playwright
-
     out: dict[str, Any] = {}
-    with sync_playwright() as tool:
-        path = shutil.which("chromium") or shutil.which("google-chrome")
-        browser = tool.chromium.launch(
-            executable_path=path, args=["--no-sandbox", "--disable-gpu", "--disable-quic", "--no-proxy-server"]
-        )
+    with browsing() as browser:
         for name, page_path in (("overview", "/"), ("train", "/train/bench-0")):
-            tab = browser.new_page()
-            tab.goto(address + page_path)
-            tab.wait_for_timeout(3000.0)
-            tab.evaluate(WATCH)
+            tab = watched(browser, address + page_path)
             cores = _busy(pid, for_s, 0.0)
-            lags, frames = tab.evaluate("[window.lags, window.frames]")
-            p50, p99, most = np.percentile(lags, [50, 99, 100])
+            shown, frames = seen(tab)
+            p50, p99, most = np.percentile(
+                [_lag_ms(text, at_ms) for _, text, at_ms in shown if text[:1].isdigit()], [50, 99, 100]
+            )
             out[name] = {"frames_hz": frames / for_s, "lag_ms": {"p50": p50, "p99": p99, "max": most}, "page_cores": cores}
             if page_path == "/":
                 out[name]["rows"] = tab.locator("#trains tr").count()
             tab.close()
-        browser.close()
     return out
 
 
-def _publish(endpoint: str, trains: int, over: threading.Event, epochs: list[float]) -> None:
-    """States and truths at 50 Hz and a health of each process a second, of each train in turn."""
+def _lag_ms(text: str, at_ms: float) -> float:
+    """How long ago the state that stands there was published."""
+    return (at_ms - float(text) + WRAP_S * 500.0) % (WRAP_S * 1000.0) - WRAP_S * 500.0
+
+
+def _publish(endpoint: str, trains: int, hz: float, over: threading.Event, epochs: list[float]) -> None:
+    """States and truths at `hz` and a health of each process a second, of each train in turn."""
     # what does not change of a state is packed once
     sys.path.insert(0, "tests")
     from examples import EXAMPLES, head
@@ -124,7 +114,7 @@ def _publish(endpoint: str, trains: int, over: threading.Event, epochs: list[flo
         healths = [session.declare_publisher(BY_NAME["health"].key_for(name, "filter-radar")) for name in names]
         epoch, due = 0, time.monotonic()
         while not over.wait(max(due - time.monotonic(), 0.0)):
-            epoch, due = epoch + 1, due + 1.0 / STATE_HZ
+            epoch, due = epoch + 1, due + 1.0 / hz
             epochs.append(time.monotonic())
             for name, told, true, tells in zip(names, states, truths, healths, strict=True):
                 now_ns = time.time_ns()
@@ -133,7 +123,7 @@ def _publish(endpoint: str, trains: int, over: threading.Event, epochs: list[flo
                 place = {"position_m": at_m, "position_min_m": at_m - 2.0, "position_max_m": at_m + 2.0}
                 told.put(_packed({**state, **stamps, **place, "epoch": epoch}))
                 true.put(_packed({**truth, **stamps, "position_m": at_m}))
-                if epoch % round(STATE_HZ) == 0:
+                if epoch % round(hz) == 0:
                     for _ in range(MOST_PROCESSES):
                         tells.put(_packed({**health, **stamps}))
 
