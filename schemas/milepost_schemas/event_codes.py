@@ -60,6 +60,13 @@ EVENT_CODES: tuple[EventCode, ...] = (
     ),
     EventCode("epochs_skipped", "warning", "the fuser was stopped for more than a second", LOAD),
     EventCode(
+        "clock_wrong",
+        "error",
+        "the clock of one of several fusers differs from most others', or all that it hears comes late: it does not lead",
+        "set the clock of the fuser's machine (PTP or NTP), or see what delays its connection",
+    ),
+    EventCode("clock_right", "info", "its clock is right again, and it may lead"),
+    EventCode(
         "snapshot_refused",
         "warning",
         "a restarted fuser does not use what another one knows, and why",

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from functools import cache
 from itertools import pairwise
+from typing import Any
 
 from harness import MAGLEV, PERIOD_NS, Journey, at, travel
 
@@ -14,7 +15,7 @@ from milepost.nodes.base import Node, Output
 from milepost.nodes.faulty import Wrapped
 from milepost.offline.memory_bus import MemoryBus
 from milepost.offline.run import OFFLINE_START_NS
-from milepost_schemas import FusedState, Message, Truth
+from milepost_schemas import Event, FusedState, Message, Truth
 
 HEAD = {"unit", "instance", "sequence", "published_at_ns"}
 HAPPENS_S, STOPPED_S, END_S = 5.0, 2.0, 10.0
@@ -47,20 +48,21 @@ class Mortal(Wrapped):
 
 
 class Pair:
-    """A maglev train with two fusers, and what a dispatch tool would have seen."""
+    """A maglev train with two fusers, each in the hands of the test, and what a dispatch tool would have seen."""
 
-    def __init__(self) -> None:
+    def __init__(self, around: type[Wrapped] = Mortal) -> None:
         train = load_train(MAGLEV, {"fusion": {"replicas": 2}})
         self.states: list[tuple[FusedState, int]] = []
         self.truth: dict[int, Truth] = {}
-        self.fusers: dict[str, Mortal] = {}
+        self.events: list[Event] = []
+        self.fusers: dict[str, Any] = {}
         setting = Setting("", train.world(END_S), OFFLINE_START_NS, live=True)
         nodes = []
         for process in processes(train, live=True):
             named = Setting(process.name, setting.world, OFFLINE_START_NS, live=True)
             node = ROLES[process.role].build(train, process.unit, named)
             if process.role == "fuser":
-                node = self.fusers[process.name] = Mortal(node)
+                node = self.fusers[process.name] = around(node)
             nodes.append(node)
         self.bus = MemoryBus(nodes, self._tap)
         for name in self.fusers:
@@ -71,6 +73,8 @@ class Pair:
             self.states.append((output.message, now_ns))
         elif isinstance(output.message, Truth):
             self.truth[output.message.measured_at_ns] = output.message
+        elif isinstance(output.message, Event):
+            self.events.append(output.message)
 
     def token(self, name: str, alive: bool) -> None:
         for fuser in self.fusers.values():

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from milepost.nodes.replica import Lead
+from milepost.nodes.standby.replica import Lead
 from milepost_schemas import FusedState, SensorInUse
 
 MS = 1_000_000

@@ -99,6 +99,9 @@ LIES: tuple[tuple[str, str, dict[str, float]], ...] = (
 # what is flipped in the belief of one of three fusers
 FLIPPED = "fuser-2"
 FLIPS = (("position_m", 50), ("speed_mps", 51), ("speed_mps", 63))
+# by how much the clock of a fuser is off, and how long
+CLOCKS_S = (2.0, 0.3, -0.3, -2.0)
+CLOCK_FOR_S = 4.0
 # the key under attack, below `milepost/v1/{train}/`, its sender, and what that hears
 STREAMS: tuple[tuple[str, str, tuple[str, ...]], ...] = (
     ("reading/radar-front", "sensor-radar-front", ()),
@@ -106,7 +109,7 @@ STREAMS: tuple[tuple[str, str, tuple[str, ...]], ...] = (
     ("reading/imu", "sensor-imu", ()),
     ("estimate/odometer-rear", "filter-odometer-rear", ("reading/odometer-rear", "feedback")),
 )
-ATTACK_S = 2.0
+ATTACK_S, DELAY_S = 2.0, 0.2
 CUT_OFF = (
     Target("fuser that leads", lambda stack: stack.leader, 0.3),
     Target("fuser that stands by", lambda stack: stack.standby),
@@ -116,7 +119,6 @@ CUT_OFF = (
 # a filter that keeps what it has learned of its wheel
 WRITER = "filter-odometer-front"
 LINKED = ("fuser", "fuser-2", "sensor-radar-rear", "filter-loop")
-DELAY_S = 0.2
 CRASHING = ("sensor-radar-front", "filter-loop")
 
 
@@ -152,6 +154,10 @@ def cells(processes: list[str], units: list[str]) -> Iterator[Cell]:
     if VOTER.name in processes and units:
         for state, bit in FLIPS:
             yield Cell(f"{FLIPPED}, bit {bit} of {state} flipped", _flip(state, bit), NO_GAP_S)
+    if units:
+        target = Target(FLIPPED, _always(FLIPPED)) if VOTER.name in processes else LEADER
+        for off_s in CLOCKS_S:
+            yield Cell(f"{target.name}, clock {off_s:+g} s off", _at(target, _set_clock(off_s)), target.stopped_s)
     yield from _link_cells(processes)
     for key, sender, heard in STREAMS:
         if sender in processes:
@@ -180,6 +186,10 @@ def _flip(state: str, bit: int) -> Blow:
         stack.wait_for(lambda: _told_again(stack, begun), RECOVERY_S, f"{FLIPPED} has a vote again")
 
     return blow
+
+
+def _set_clock(off_s: float) -> Callable[[Stack, str], None]:
+    return lambda stack, process: stack.inject(process, "wrong_clock", CLOCK_FOR_S, by_s=off_s)
 
 
 def _told_again(stack: Stack, begun: int) -> bool:

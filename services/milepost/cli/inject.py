@@ -1,4 +1,4 @@
-"""`milepost inject`: make a sensor of a running train lie, or flip a bit of a fuser's belief."""
+"""`milepost inject`: make a sensor of a running train lie, or harm a fuser: its belief, or its clock."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from pydantic.fields import FieldInfo
 from milepost.config.errors import ConfigError
 from milepost.config.mistakes import one_of
 from milepost.config.ranges import limits_of, range_of
-from milepost.nodes.voting.memory_fault import FUSER_FAULTS, options_from
+from milepost.nodes.fuser_faults.table import FUSER_FAULTS, options_from
 from milepost.recordings.options import nearest
 from milepost.runtime.bus import NoRouterError
 from milepost.runtime.injecting.commands import NoAnswerError, send_command
@@ -66,7 +66,7 @@ def fields_of(wanted: Wanted) -> dict[str, Any]:
     options = _options(KINDS[wanted.fault], wanted.options)
     try:
         if wanted.fault in FUSER_FAULTS:
-            options_from(options, wanted.for_s)
+            options_from(wanted.fault, options, wanted.for_s)
         else:
             FaultEntry.model_validate(
                 {"unit": wanted.unit, "kind": wanted.fault, "from_s": 0.0, "for_s": wanted.for_s, **options}

@@ -13,12 +13,14 @@ from milepost.nodes.base import Node
 from milepost.nodes.faulty import FaultySensor
 from milepost.nodes.filter import FilterNode
 from milepost.nodes.fuser import FuserNode
+from milepost.nodes.fuser_faults.bit_flip import CorruptibleFuser
+from milepost.nodes.fuser_faults.wrong_clock import WrongClock
+from milepost.nodes.fuser_settings import FuserSettings
 from milepost.nodes.position_report import PositionReportNode
-from milepost.nodes.replica import ReplicaNode
 from milepost.nodes.sensor import SensorNode
+from milepost.nodes.standby.replica import ReplicaNode
 from milepost.nodes.voting.agreement import Tolerance
 from milepost.nodes.voting.candidate import CandidateNode
-from milepost.nodes.voting.memory_fault import CorruptibleFuser
 from milepost.nodes.voting.voter import VoterNode
 from milepost.nodes.world import WorldNode
 from milepost.sensors.base import World
@@ -129,7 +131,11 @@ def _fuser(train: Train, unit: str, setting: Setting) -> Node:
     fuser = FuserNode(train.name, setting.instance, settings, train.line, unit)
     if not setting.live:
         return fuser
-    node = CorruptibleFuser(fuser) if train.file.chaos else fuser
+    node = _one_of_several(CorruptibleFuser(fuser) if train.file.chaos else fuser, train, settings)
+    return WrongClock(node) if train.file.chaos else node
+
+
+def _one_of_several(node: Node, train: Train, settings: FuserSettings) -> Node:
     replicas = ROLES["fuser"].instances(train)
     if train.file.fusion.voting is not None:
         return CandidateNode(node, _tolerance(train.file.fusion.voting))

@@ -2,39 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
-from typing import Any
+from collections.abc import Iterable, Iterator
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
 
 from milepost.fusion.bank_state import Bank
 from milepost.fusion.information_rule import InformationFusion
 from milepost.nodes.around import Around
 from milepost.nodes.base import Output, Severity, Subscription
 from milepost.nodes.fuser import FuserNode
-from milepost.simulation.faults import FaultKind, Sent, reason_of
+from milepost.simulation.faults import reason_of
 from milepost_schemas import FaultCommand, Message
 
-BIT_FLIP = "bit_flip"
+from .table import BIT_FLIP, BitFlip, options_of
+
 # what was true before is in the belief by now: later readings are taken on top of the flipped one
 BEFORE_NS = 500_000_000
-
-
-class BitFlip(BaseModel):
-    """The options of the fault `bit_flip`."""
-
-    model_config = ConfigDict(extra="forbid", strict=True)
-    bit: int = Field(51, ge=0, le=63, description="which bit of the float64: 0 to 51 mantissa, 52 to 62 exponent, 63 sign")
-    state: str = Field("position_m", description="which state of the belief")
-    covariance: bool = Field(False, description="flip the state's variance instead of its mean")
-
-
-# the fault acts on the fuser's memory, not on a message
-FUSER_FAULTS = {
-    row.name: row
-    for row in (FaultKind(BIT_FLIP, "flips a bit of a fuser's belief, once", BitFlip, lambda *_: list[Sent](), ("fuser",)),)
-}
 
 
 class CorruptibleFuser(Around):
@@ -55,7 +38,11 @@ class CorruptibleFuser(Around):
         severity: Severity = "warning"
         code = "fault_injected"
         try:
-            text = f"fault injected: {self._flipped(options_of(command), now_ns)}"
+            if command.kind is None:
+                raise ValueError("a flipped bit is not flipped back: it fades as readings come")
+            options = options_of(command)
+            assert isinstance(options, BitFlip)
+            text = f"fault injected: {self._flipped(options, now_ns)}"
         except ValueError as error:
             code, text = "fault_refused", reason_of(error)
         yield self.event(severity, code, f"{self.unit}: {text} ({command.instance})", now_ns)
@@ -78,20 +65,3 @@ class CorruptibleFuser(Around):
         rule.estimator.timeline.rebase(at_ns, bank.moved(x, P))
         what = "variance of " if options.covariance else ""
         return f"bit {options.bit} of the {what}{options.state} flipped: {before:g} is {float(cell[0]):g}"
-
-
-def options_of(command: FaultCommand) -> BitFlip:
-    """The bit that a command asks to flip. Raises ValueError."""
-    if command.kind is None:
-        raise ValueError("a flipped bit is not flipped back: it fades as readings come")
-    if command.kind != BIT_FLIP:
-        raise ValueError(f"{command.kind} is a fault of sensors; a fuser has {BIT_FLIP}")
-    numbers = {name: int(value) if value.is_integer() else value for name, value in command.numbers.items()}
-    return options_from({**numbers, **command.words, **command.flags}, command.for_s)
-
-
-def options_from(options: Mapping[str, Any], for_s: float | None) -> BitFlip:
-    """The options of a bit flip, checked. Raises ValueError."""
-    if for_s is not None:
-        raise ValueError(f"{BIT_FLIP} happens once and has no duration")
-    return BitFlip.model_validate(options)

@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 
 from milepost.estimation.observation import FUTURE_NS
+from milepost.nodes.around import Around
+from milepost.nodes.base import Node, Output, Subscription
 from milepost_schemas import FusedState, Message
 
-from .around import Around
-from .base import Node, Output, Subscription
+from .own_clock import OwnClock
 
 # a leader of whom nothing was heard for so many epochs has lost the lead
 SILENT_EPOCHS = 3
@@ -19,6 +20,8 @@ RECONNECTS_NS = 2_000_000_000
 LISTENS_NS = 500_000_000
 # a standby that hears of no leader, and may not lead, keeps no more than this
 KEPT_OUTPUTS = 1000
+# who cannot trust its clock leaves the others so much longer to speak
+MISLED_NS = 1_000_000_000
 
 
 class Lead:
@@ -31,7 +34,7 @@ class Lead:
     """
 
     def __init__(self, unit: str, replicas: Sequence[str], period_ns: int, deadline_ns: int) -> None:
-        self.leads = False
+        self.leads = self.misled = False
         self._rank = {name: rank for rank, name in enumerate(replicas)}
         self._own = self._rank[unit]
         self._others: set[str] = set()
@@ -55,6 +58,9 @@ class Lead:
     def spoke(self, other: FusedState, units: int, now_ns: int) -> None:
         """Another replica has published a state; this one has so many units in use."""
         self._heard_ns = now_ns
+        if self.misled:
+            self.leads = False
+            return
         if now_ns - other.measured_at_ns > self._late_ns:
             return
         self._deaf_until_ns, self._connected_again = 0, False
@@ -74,6 +80,16 @@ class Lead:
             self._heard_ns, self._deaf_until_ns = now_ns, now_ns + RECONNECTS_NS
         elif stopped_ns > self._late_ns:
             self._gives_way(now_ns)
+
+    def timed(self, ahead_ns: int, now_ns: int) -> bool:
+        """This replica's clock is ahead of most others' by so much; whether it has become wrong by that, or right again."""
+        wrong = abs(ahead_ns) > (self._late_ns // 2 if self.misled else self._late_ns)
+        if wrong == self.misled:
+            return False
+        self.misled = wrong
+        if wrong:
+            self._gives_way(now_ns)
+        return True
 
     def publishes(self, epoch_ns: int, now_ns: int) -> None:
         """This replica has something to say of an epoch."""
@@ -96,7 +112,8 @@ class Lead:
             return False
         if self._heard_ns is None:
             self._heard_ns = now_ns
-        self.leads = self.leads or self._left_alone or now_ns - self._heard_ns >= self._silence_ns
+        silence_ns = self._silence_ns + (MISLED_NS if self.misled else 0)
+        self.leads = self.leads or self._left_alone or now_ns - self._heard_ns >= silence_ns
         return self.leads
 
 
@@ -107,6 +124,7 @@ class ReplicaNode(Around):
         super().__init__(inner, Subscription("state"))
         self.peers = [name for name in replicas if name != inner.unit]
         self._lead = Lead(inner.unit, replicas, period_ns, deadline_ns)
+        self._clock = OwnClock()
         self._held: list[Output] = []
         self._said_ns = 0
         self._units = 0
@@ -119,9 +137,12 @@ class ReplicaNode(Around):
     def step(self, message: Message, now_ns: int) -> Iterator[Output]:
         """Take what the fuser takes, and the states of other replicas."""
         self._lead.awake(now_ns)
+        if message.unit != self.unit:
+            self._clock.heard(message.unit, message.published_at_ns, now_ns)
+        yield from self._timed(now_ns)
         if not isinstance(message, FusedState):
             yield from self._passed(self.inner.step(message, now_ns), now_ns)
-        elif message.instance != self.instance and message.measured_at_ns <= now_ns + FUTURE_NS:
+        elif message.instance != self.instance and (self._lead.misled or message.measured_at_ns <= now_ns + FUTURE_NS):
             self._lead.spoke(message, self._units, now_ns)
             self._said_ns = max(self._said_ns, message.measured_at_ns)
             self._forget()
@@ -129,7 +150,22 @@ class ReplicaNode(Around):
     def tick(self, now_ns: int) -> Iterator[Output]:
         """Publish what is due, where this replica leads."""
         self._lead.awake(now_ns)
+        yield from self._timed(now_ns)
         yield from self._passed(self.inner.tick(now_ns), now_ns)
+
+    def _timed(self, now_ns: int) -> Iterator[Output]:
+        """Look whether this replica's clock is right; says so where that has changed."""
+        ahead_ns = self._clock.ahead_ns(now_ns)
+        if not self._lead.timed(ahead_ns, now_ns):
+            return
+        # what it had to say by another time is not about these epochs
+        self._held.clear()
+        if not self._lead.misled:
+            yield self.event("info", "clock_right", f"{self.unit}: its clock is right again, and it may lead", now_ns)
+            return
+        off = f"{abs(ahead_ns) * 1e-9:.2f} s {'ahead of' if ahead_ns > 0 else 'behind'}"
+        text = f"{self.unit}: its clock is {off} most others', or all that it hears comes late: it does not lead"
+        yield self.event("error", "clock_wrong", text, now_ns)
 
     def _passed(self, outputs: Iterable[Output], now_ns: int) -> Iterator[Output]:
         for output in outputs:

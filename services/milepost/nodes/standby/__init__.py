@@ -1,0 +1,1 @@
+"""Several fusers of a train, one of which speaks."""

@@ -1,0 +1,70 @@
+"""Two fusers, the clock of one of which is wrong: whoever has the right time speaks, and outside nothing is missing or late."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import pytest
+from harness import at
+from test_two_fusers import END_S, HAPPENS_S, Pair
+
+from milepost.nodes.fuser_faults.wrong_clock import WrongClock
+from milepost_schemas import FaultCommand
+
+# seconds by which a clock is wrong; an offset below the lateness at which a leader gives way is only a little unpunctual
+WRONG_S = (-2.0, -0.5, -0.2, 0.2, 0.5, 2.0)
+# a fuser sees within so long that its clock is wrong
+SEEN_S = 0.6
+
+
+def misled(pair: Pair, unit: str, ahead_s: float, now_s: float) -> None:
+    """Set a fuser's clock; right where `ahead_s` is 0."""
+    head = {"train": "maglev", "unit": unit, "instance": "test", "sequence": 0}
+    head |= {"measured_at_ns": at(now_s), "published_at_ns": at(now_s)}
+    fault = {"kind": "wrong_clock", "numbers": {"by_s": ahead_s}} if ahead_s else {}
+    (answer,) = pair.fusers[unit].step(FaultCommand(**head, **fault), at(now_s))
+    assert answer.message.code == ("fault_injected" if ahead_s else "fault_cleared")
+
+
+def codes(pair: Pair, unit: str) -> list[str]:
+    return [event.code for event in pair.events if event.unit == unit and event.code.startswith("clock_")]
+
+
+@pytest.mark.parametrize("wrong_s", WRONG_S)
+@pytest.mark.parametrize("unit", ["fuser", "fuser-2"])
+def test_the_fuser_with_the_right_time_speaks_alone(unit: str, wrong_s: float) -> None:
+    """GIVEN two fusers WHEN the clock of one becomes wrong THEN soon the other one alone speaks, in time, with no gap."""
+    pair, right = Pair(WrongClock), {"fuser": "fuser-2", "fuser-2": "fuser"}[unit]
+    pair.until(HAPPENS_S)
+    misled(pair, unit, wrong_s, HAPPENS_S)
+    pair.until(END_S)
+    late = [state.unit for state, now in pair.states if now > at(HAPPENS_S + SEEN_S)]
+    assert set(late) == {right}
+    punctual = [now for state, now in pair.states if abs(now - state.measured_at_ns) <= 70e6]
+    assert max(b - a for a, b in pairwise(punctual)) <= 100e6
+    assert codes(pair, unit) == ["clock_wrong"]
+    assert codes(pair, right) == []
+
+
+def test_a_fuser_whose_clock_is_right_again_may_lead_again() -> None:
+    pair = Pair(WrongClock)
+    pair.until(3.0)
+    misled(pair, "fuser", 0.3, 3.0)
+    pair.until(5.0)
+    misled(pair, "fuser", 0.0, 5.0)
+    pair.until(7.0)
+    assert codes(pair, "fuser") == ["clock_wrong", "clock_right"]
+    misled(pair, "fuser-2", 0.3, 7.0)
+    pair.until(END_S)
+    assert pair.speakers[-1] == "fuser"
+
+
+def test_where_all_messages_are_late_one_speaks_all_the_same() -> None:
+    """Both fusers are cut off by the same slow link: neither can tell it from a clock that is ahead."""
+    pair = Pair(WrongClock)
+    pair.until(HAPPENS_S)
+    for unit in pair.fusers:
+        misled(pair, unit, 0.2, HAPPENS_S)
+    pair.until(END_S)
+    assert len({state.unit for state, now in pair.states if now > at(END_S - 2.0)}) == 1
+    assert max(b - a for (_, a), (_, b) in pairwise(pair.states)) <= 1.2e9
