@@ -19,6 +19,7 @@ class Around(Node):
         super().__init__(inner.train, inner.unit, inner.instance)
         self.inner = inner
         self.refusals = inner.refusals
+        self.peers = inner.peers
         self.subscriptions = [*inner.subscriptions, *more]
 
     @property

@@ -23,6 +23,8 @@ class WrongClock(Around):
 
     def __init__(self, inner: Node) -> None:
         super().__init__(inner)
+        # one instance has one numbering
+        self._sequences = inner._sequences
         self._ahead_ns = self._shown_ns = self._now_ns = 0
         self._until_ns: int | None = None
 
@@ -36,7 +38,7 @@ class WrongClock(Around):
         """What the fuser does by its clock; the end of the fault."""
         if self._until_ns is not None and now_ns >= self._until_ns:
             self._ahead_ns, self._until_ns = 0, None
-            return (self.inner.event("info", "fault_cleared", f"{self.unit}: its clock is right again", now_ns),)
+            return (self.event("info", "fault_cleared", f"{self.unit}: its clock is right again", now_ns),)
         return self.inner.tick(self._shown(now_ns))
 
     def next_tick_ns(self) -> int | None:
@@ -82,4 +84,4 @@ class WrongClock(Around):
                 text = f"fault injected: its clock is {abs(options.by_s):g} s {'ahead' if options.by_s > 0.0 else 'behind'}"
             except ValueError as error:
                 code, text = "fault_refused", reason_of(error)
-        yield self.inner.event(severity, code, f"{self.unit}: {text} ({command.instance})", now_ns)
+        yield self.event(severity, code, f"{self.unit}: {text} ({command.instance})", now_ns)
