@@ -67,4 +67,4 @@ def test_where_all_messages_are_late_one_speaks_all_the_same() -> None:
         misled(pair, unit, 0.2, HAPPENS_S)
     pair.until(END_S)
     assert len({state.unit for state, now in pair.states if now > at(END_S - 2.0)}) == 1
-    assert max(b - a for (_, a), (_, b) in pairwise(pair.states)) <= 1.2e9
+    assert max(b - a for (_, a), (_, b) in pairwise(pair.states)) <= 0.3e9

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from milepost.runtime.launch import is_router
 
+from .fuser_faults import flip, set_clock
 from .stack import Stack
 from .threats import THREATS
 
@@ -96,12 +97,11 @@ LIES: tuple[tuple[str, str, dict[str, float]], ...] = (
     ("clock_step", "gnss", {"by_s": 2.0}),
     ("clock_drift", "radar-front", {"ppm": 500.0}),
 )
-# what is flipped in the belief of one of three fusers
+# which of three fusers is harmed, and what is flipped in its belief
 FLIPPED = "fuser-2"
 FLIPS = (("position_m", 50), ("speed_mps", 51), ("speed_mps", 63))
-# by how much the clock of a fuser is off, and how long
+# by how much the clock of a fuser is off
 CLOCKS_S = (2.0, 0.3, -0.3, -2.0)
-CLOCK_FOR_S = 4.0
 # the key under attack, below `milepost/v1/{train}/`, its sender, and what that hears
 STREAMS: tuple[tuple[str, str, tuple[str, ...]], ...] = (
     ("reading/radar-front", "sensor-radar-front", ()),
@@ -153,11 +153,11 @@ def cells(processes: list[str], units: list[str]) -> Iterator[Cell]:
     yield Cell("every process, disk full 2 s", _no_disk, NO_GAP_S)
     if VOTER.name in processes and units:
         for state, bit in FLIPS:
-            yield Cell(f"{FLIPPED}, bit {bit} of {state} flipped", _flip(state, bit), NO_GAP_S)
+            yield Cell(f"{FLIPPED}, bit {bit} of {state} flipped", flip(FLIPPED, state, bit), NO_GAP_S)
     if units:
         target = Target(FLIPPED, _always(FLIPPED)) if VOTER.name in processes else LEADER
         for off_s in CLOCKS_S:
-            yield Cell(f"{target.name}, clock {off_s:+g} s off", _at(target, _set_clock(off_s)), target.stopped_s)
+            yield Cell(f"{target.name}, clock {off_s:+g} s off", _at(target, set_clock(off_s)), target.stopped_s)
     yield from _link_cells(processes)
     for key, sender, heard in STREAMS:
         if sender in processes:
@@ -177,25 +177,6 @@ def _link_cells(processes: list[str]) -> Iterator[Cell]:
         if target.name.startswith("fuser") or target.name in processes:
             yield Cell(f"{target.name} cut off 2 s", _at(target, _cut), target.killed_s, prepare=prepare)
             yield Cell(f"{target.name} delayed 0.2 s", _at(target, _delayed), target.killed_s, prepare=prepare)
-
-
-def _flip(state: str, bit: int) -> Blow:
-    def blow(stack: Stack) -> None:
-        begun = len(stack.events)
-        stack.inject(FLIPPED, "bit_flip", None, state=state, bit=bit)
-        stack.wait_for(lambda: _told_again(stack, begun), RECOVERY_S, f"{FLIPPED} has a vote again")
-
-    return blow
-
-
-def _set_clock(off_s: float) -> Callable[[Stack, str], None]:
-    return lambda stack, process: stack.inject(process, "wrong_clock", CLOCK_FOR_S, by_s=off_s)
-
-
-def _told_again(stack: Stack, begun: int) -> bool:
-    """Whether the voter has named the fuser, and given it a vote again."""
-    told = [event.code for event in stack.events[begun:] if event.unit == VOTER.name and event.text.startswith(f"{FLIPPED}:")]
-    return "fuser_outvoted" in told and "fuser_readmitted" in told
 
 
 def _disk_full(stack: Stack) -> None:

@@ -21,7 +21,7 @@ LISTENS_NS = 500_000_000
 # a standby that hears of no leader, and may not lead, keeps no more than this
 KEPT_OUTPUTS = 1000
 # who cannot trust its clock leaves the others so much longer to speak
-MISLED_NS = 1_000_000_000
+MISLED_NS = 200_000_000
 
 
 class Lead:
