@@ -191,7 +191,7 @@ class Ride:
 
     def _with(self, doubts: Doubts) -> BankKernel:
         judges = {d.unit: ScaledSpeed(d.std) for d in self.devices if d.row is None}
-        return BankKernel(self.layout, JERK_PSD, judges, doubts)
+        return BankKernel(self.layout, JERK_PSD, judges, doubts, 5.0)
 
     def moments(self, duration_s: float, faults: Mapping[str, Fault] | None = None) -> Iterator[Moment]:
         """The bank after each observation, one after the other."""

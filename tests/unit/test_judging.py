@@ -67,7 +67,7 @@ class Squared:
 
 
 def timeline(judge: Any = None, doubts: Doubts = DOUBTS) -> Timeline:
-    kernel = BankKernel(Layout(), 0.01, {"u": judge or Distrustful()}, doubts)
+    kernel = BankKernel(Layout(), 0.01, {"u": judge or Distrustful()}, doubts, 5.0)
     return Timeline(kernel, kernel.prior(MEAN, COVARIANCE), 5 * NS_PER_S)
 
 

@@ -47,7 +47,7 @@ class Speed:
 
 def bank_of(kind: str, units: tuple[str, ...] = UNITS, trusted: bool = False) -> BankKernel:
     doubts = Doubts(() if trusted else tuple(Suspect(unit, 1e-4, 10.0) for unit in units))
-    return BankKernel(Layout(), 0.01, {unit: Speed(kind) for unit in units}, doubts)
+    return BankKernel(Layout(), 0.01, {unit: Speed(kind) for unit in units}, doubts, 5.0)
 
 
 def said(units: tuple[str, ...], lie_mps: float = 0.0, from_s: float = 3.0, rate: float = 0.0) -> list[Observation]:

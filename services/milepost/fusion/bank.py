@@ -20,8 +20,6 @@ from .stack import Stack
 from .verdicts import Verdict
 
 NEVER_HEARD = Verdict(None)
-# how long a row's prior waits for one of its units after the first unit was heard
-LONGEST_WAIT_S = 1.0
 # so many refused fixes are remembered
 KEPT_ODD = 32
 
@@ -33,12 +31,13 @@ class BankKernel:
     lie. Each hypothesis linearises at its own belief.
     """
 
-    def __init__(self, layout: Layout, jerk_psd: float, judges: Mapping[str, Judge], doubts: Doubts) -> None:
+    def __init__(self, layout: Layout, jerk_psd: float, judges: Mapping[str, Judge], doubts: Doubts, horizon_s: float) -> None:
         self.layout, self.jerk_psd, self.doubts = layout, jerk_psd, doubts
         self._judges, self._readings = judges, Readings(layout, judges)
         self._isolation = Isolation(layout, doubts)
         self._stack = Stack()
         self._steps = Steps(layout, jerk_psd)
+        self._horizon_s = horizon_s
         self._more_jerk_psd = max(0.0, doubts.hard_jerk_psd - jerk_psd)
 
     # --- beliefs in and out
@@ -90,22 +89,16 @@ class BankKernel:
         if state.rows.hard:
             # the rows of a train that moves harder: Q is linear in the density
             P[state.rows.hard.start :, :N_COMMON, :N_COMMON] += process_noise(dt_s, self._more_jerk_psd)
-        return state.moved(x, P) if state.waiting is None else self._waited(state, state.waiting, x, P, dt_s)
+        state = state.moved(x, P)
+        return state if state.waiting is None else self._waited(state, dt_s)
 
-    def _waited(self, state: Bank, waiting: Flags, x: Array, P: Array, dt_s: float) -> Bank:
-        """The prior sits at the first observation that a row hears: a clock that is behind must not move the others' prior.
+    def _waited(self, state: Bank, dt_s: float) -> Bank:
+        """Rows that wait for one of their units are where the train would be if the first reading of all was in time.
 
-        A row that hears nobody for long begins where the first one began.
+        Beyond the horizon no clock that is behind can be taken for the first reading.
         """
-        x[waiting], P[waiting] = state.x[waiting], state.P[waiting]
-        state = state._replace(x=x, P=P, waited_s=state.waited_s + dt_s)
-        return state if state.waited_s <= LONGEST_WAIT_S else self._begun(state, waiting)
-
-    def _begun(self, state: Bank, waiting: Flags) -> Bank:
-        """The rows that wait begin where the first one began."""
-        late, x, P = self.advance(state._replace(waiting=None), state.waited_s), state.x.copy(), state.P.copy()
-        x[waiting], P[waiting] = late.x[waiting], late.P[waiting]
-        return state._replace(x=x, P=P, waiting=None)
+        waited_s = state.waited_s + dt_s
+        return state._replace(waiting=state.waiting if waited_s <= self._horizon_s else None, waited_s=waited_s)
 
     def take(self, state: Bank, observation: Observation) -> Bank:
         """All hypotheses after one observation, or after a whole reading."""
@@ -134,10 +127,9 @@ class BankKernel:
         if rows and state.waiting is not None:
             waiting = state.waiting & ~state.rows.uses(unit)
             since_ns = at_ns if state.since_ns is None else state.since_ns
-            state = state._replace(since_ns=since_ns, waiting=waiting if waiting.any() else None)
-            if waiting[state.leader]:
-                # all that was heard is excluded: the train has moved since, and the row that leads with it
-                state = self._begun(state, waiting)
+            # a row that leads is taken to move as the others do
+            goes_on = waiting.any() and not waiting[state.leader]
+            state = state._replace(since_ns=since_ns, waiting=waiting if goes_on else None)
         return state
 
     def _observe(self, state: Bank, unit: str, component: int, row: Linear, at_ns: int) -> Bank:
@@ -173,10 +165,15 @@ class BankKernel:
 
 
 def _moved_since(state: Bank, begins: Flags) -> Bank:
-    """P_ss + (v t)²: a row that begins now may have moved in the time t since the first one began, if no clock was behind."""
-    P = state.P.copy()
-    P[begins, 0, 0] += (state.x[begins, 1] * state.waited_s) ** 2
-    return state._replace(P=P)
+    """s - v t and P_ss + (v t)² for rows that begin the time t after the first reading of all.
+
+    The prior is that at the first reading. If that one came from a clock that is behind, the train has not moved since.
+    """
+    x, P = state.x.copy(), state.P.copy()
+    way = x[begins, 1] * state.waited_s
+    x[begins, 0] -= way
+    P[begins, 0, 0] += way**2
+    return state._replace(x=x, P=P)
 
 
 def _alone(state: Bank, unit: str, odd: bool, at_ns: int) -> Verdict:

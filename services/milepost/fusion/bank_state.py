@@ -56,8 +56,8 @@ class Bank(NamedTuple):
 
     `x` (H, n), `P` (H, n, n); `alive` (H): not refuted; `dead_ns` (H): when refuted, 0 for those alive. `channels`:
     for the tests, apart, so that states share what does not change. `leader`: the row that is published. `since_ns`: the time
-    of the first observation that counted. `waiting` (H): rows that have heard none of their units yet, None where there are
-    none: their prior stays where it is, for `waited_s` so far. `wary_until_ns`: how long what explains an exclusion otherwise
+    of the first observation that counted. `waiting` (H): rows that have heard none of their units in the `waited_s` since,
+    None where there are none. `wary_until_ns`: how long what explains an exclusion otherwise
     is published after the unit was readmitted.
     """
 

@@ -8,6 +8,7 @@ from typing import ClassVar
 from milepost.estimation.estimator import Estimator, Prior
 from milepost.estimation.layout import Array, Layout
 from milepost.estimation.observation import Observation
+from milepost.estimation.time_units import NS_PER_S
 from milepost.estimation.timeline import Kept
 
 from .bank import BankKernel
@@ -38,7 +39,7 @@ class InformationFusion:
         doubts: Doubts = NO_DOUBTS,
     ) -> None:
         def bank(layout: Layout, q: float) -> BankKernel:
-            return BankKernel(layout, q, judges, doubts)
+            return BankKernel(layout, q, judges, doubts, horizon_ns / NS_PER_S)
 
         self.estimator = Estimator(layout, jerk_psd, prior, horizon_ns, kernels=bank)
         self.names = layout.names
