@@ -52,17 +52,24 @@ def errors(on: World, said: list[Measured]) -> np.ndarray:
 
 @pytest.mark.slow
 def test_counting_errs_by_its_quantisation_as_stated() -> None:
-    """R = q²/6T²: q = 26.7 mm in T = 0.1 s. The speed sweeps a few hundred pulses, so that every phase occurs.
+    """R = q²/4T²: q = 26.7 mm in T = 0.1 s. The speed sweeps a few hundred pulses, so that all phases occur: mean q²/6T².
 
     An error f(1-f) uniform in phase has a kurtosis below 3: the variance of 10 000 has a standard error below 2 %.
     """
     on = world([(0.0, 5.0), (1000.0, 25.0)], end_s=1000.0)
     said = readings(on, **exact(timer_s=None))
-    R = PITCH**2 / (6.0 * 0.01)
+    R = PITCH**2 / (4.0 * 0.01)
     assert [m.fields["speed_variance_m2ps2"] for m in said] == pytest.approx([R] * len(said), rel=1e-6)
     assert len(said) == 10_000
-    assert float(np.var(errors(on, said))) == pytest.approx(R, rel=0.05)
+    assert float(np.var(errors(on, said))) == pytest.approx(R / 1.5, rel=0.05)
     assert abs(float(np.mean(errors(on, said)))) < 1e-3
+
+
+def test_counting_errs_by_no_more_than_stated_where_the_speed_stays() -> None:
+    """At 4.5 pulses a period every count is 4 or 5: f(1-f) = 1/4."""
+    on = world([(0.0, 45.0 * PITCH)], end_s=100.0)
+    said = readings(on, **exact(timer_s=None))
+    assert float(np.var(errors(on, said))) == pytest.approx(PITCH**2 / (4.0 * 0.01), rel=0.01)
 
 
 def test_sampling_jitter_errs_as_stated_where_the_device_only_counts() -> None:
@@ -289,7 +296,11 @@ def test_silence_bounds_both_directions() -> None:
     assert seen.value == 0.0
     assert seen.variance == pytest.approx(0.2775**2 / 3.0 + (0.01 / 24.0) ** 2)
     (counted,) = sensor("odometer", straight_line(), timer_s=None).observe(reading, belief())
-    assert counted.variance == pytest.approx(0.2775**2 / 6.0 + (0.01 / 24.0) ** 2)
+    # a count of zero weighs as any other: (0.3 - 1.5 · 0.1/4)²/4, on the wheel; and it tells of the diameter
+    zero = SpeedReading(**head(), speed_mps=0.0, speed_variance_m2ps2=0.2625**2 / 4.0 + (0.01 / 24.0) ** 2)
+    (as_reading,) = sensor("odometer", straight_line()).observe(zero, belief())
+    assert counted.row == as_reading.row
+    assert (counted.value, counted.variance) == pytest.approx((as_reading.value, as_reading.variance))
 
 
 def test_the_private_state_is_as_the_options_say() -> None:

@@ -52,13 +52,13 @@ def test_the_mean_of_a_course_is_the_speed_at_its_middle_up_to_the_jerk() -> Non
 
 
 def test_a_bound_counts_as_its_mean_speed_uniform_and_the_jerk() -> None:
-    """0.1 m in 1 s: 0.1²/3 + (1/24)²; half the first part for a window of random phase.
+    """0.1 m in 1 s: 0.1²/3 + (1/24)², or another part of 0.1².
 
     At most b²/3, and that where Δ is not known.
     """
     b = LIMITS.speed_bound(0.1, 1.0)
     assert LIMITS.bound_variance(b, 1.0) == pytest.approx(0.01 / 3.0 + 1.0 / 576.0)
-    assert LIMITS.bound_variance(b, 1.0, phases=2) == pytest.approx(0.01 / 6.0 + 1.0 / 576.0)
+    assert LIMITS.bound_variance(b, 1.0, 0.25) == pytest.approx(0.01 / 4.0 + 1.0 / 576.0)
     assert LIMITS.bound_variance(b, 10.0) == pytest.approx(0.15 / 3.0)
     assert LIMITS.bound_variance(0.3, 0.0) == pytest.approx(0.03)
 

@@ -71,18 +71,18 @@ class Limits(NamedTuple):
         e = self.jerk_mps3 * interval_s * interval_s / 24.0
         return white + e * e if e * e >= NEGLIGIBLE * white else white
 
-    def bound_variance(self, bound_mps: float, interval_s: float, phases: int = 1) -> float:
+    def bound_variance(self, bound_mps: float, interval_s: float, part: float = 1.0 / 3.0) -> float:
         """The variance of the observation v = 0 that stands for |v| < b at the middle of Δ, in (m/s)².
 
-        The mean speed is at most d/Δ, so R = (d/Δ)²/3 + e² for a window that begins at a pulse (`phases` 1: its end is
-        uniform over a pitch) and (d/Δ)²/6 + e² for one of random phase (`phases` 2), and never more than b²/3.
+        The mean speed is at most d/Δ, so R = c (d/Δ)² + e², and never more than b²/3. `part` c: 1/3 for a window that begins
+        at a pulse, whose end is uniform over a pitch.
         """
         at_most = bound_mps * bound_mps / 3.0
         if interval_s <= 0.0:
             return at_most
         mean = self.path_m(bound_mps, interval_s) / interval_s
         e = self.jerk_mps3 * interval_s * interval_s / 24.0
-        return min(at_most, mean * mean / (3.0 * phases) + e * e)
+        return min(at_most, part * mean * mean + e * e)
 
     def window_s(self, path_m: float) -> float:
         """The length of window whose bounds carry the most information, in s.

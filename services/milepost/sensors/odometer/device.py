@@ -156,13 +156,17 @@ class TimedPulses(_Device):
         return t
 
 
-class CountedPulses(_Device):
-    """v = q Δn/T with the nominal period T: R = q²/(6 T²) + 2 σ_j² v²/T² + noise.
+# of a count, in pulses²: the largest
+COUNT_VARIANCE = 0.25
 
-    A count of an interval of random phase that holds x pulses errs with variance f(1 - f), f the fraction of x; its mean
-    over f is 1/6. σ_j² = jitter²/3: both ends of the interval are off. Successive errors cancel (each end is shared),
-    so that as white errors they are overstated rather than understated. A count of zero is a bound over the period, which both
-    jitters may have shortened. Source: D (1).
+
+class CountedPulses(_Device):
+    """v = q Δn/T with the nominal period T: R = q²/(4 T²) + 2 σ_j² v²/T² + noise.
+
+    A count of an interval of random phase that holds x pulses errs with variance f(1 - f), f the fraction of x: at most 1/4,
+    and at a constant speed f stays. σ_j² = jitter²/3: both ends of the interval are off. Successive errors cancel (each end
+    is shared), so that as white errors they are overstated rather than understated. A count of zero is a bound over the period,
+    which both jitters may have shortened. Source: D (1).
     """
 
     def __init__(self, unit: str, wheel: Wheel, options: DeviceOptions, world: World, from_s: float) -> None:
@@ -183,5 +187,5 @@ class CountedPulses(_Device):
             return self._silence.bound(nominal_s, less_s=2.0 * self._jitter_s)
         self._silence.broken(nominal_s)
         speed = self._pitch_m * count / T
-        variance = self._pitch_m**2 / (6.0 * T * T) + 2.0 / 3.0 * (self._jitter_s * speed / T) ** 2
+        variance = COUNT_VARIANCE * (self._pitch_m / T) ** 2 + 2.0 / 3.0 * (self._jitter_s * speed / T) ** 2
         return self._reading(index, nominal_s - 0.5 * T, speed, variance, T)

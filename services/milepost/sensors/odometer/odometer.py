@@ -17,7 +17,7 @@ from ..observed import Belief, Observed, Stacked
 from ..pulses import PulseOptions
 from ..scale import SCALE, scaled_speed, scaled_speeds
 from .calibration import Calibration, as_knowledge, from_bytes, to_bytes
-from .device import CountedPulses, TimedPulses, Wheel
+from .device import COUNT_VARIANCE, CountedPulses, TimedPulses, Wheel
 from .slip import SlipOptions, WheelWatch
 
 Metres = Annotated[float, Field(gt=0.0, le=10.0)]
@@ -90,23 +90,31 @@ class Odometer(Sensor[OdometerOptions]):
         return (PrivateState("scale", 0.0, self.options.scale_std, noise_psd=self.options.scale_noise_psd, scales_motion=True),)
 
     def observe(self, reading: Any, belief: Belief | None) -> Sequence[Observed]:
-        """One row. A bound |v| < b (1 + κ) is v = 0 with the variance given in `pulses`.
-
-        A device that times edges begins a window at one; a device that only counts begins it at any phase.
-        """
-        if reading.speed_mps is not None:
-            scale = self.private_states[0]
-            return (scaled_speed(reading.speed_mps, reading.speed_variance_m2ps2, belief, scale),)
+        """One row. A bound |v| < b (1 + κ) of a device that times edges is v = 0 with the variance given in `pulses`."""
+        measured = self._measured(reading)
+        if measured is not None:
+            return (scaled_speed(*measured, belief, self.private_states[0]),)
         bound = reading.speed_max_mps * (1.0 if belief is None else 1.0 + float(belief.mean[SCALE]))
-        phases = 2 if self.options.timer_s is None else 1
-        variance = self.options.limits.bound_variance(bound, reading.interval_s, phases)
-        return (Observed((0.0, 1.0, 0.0, 0.0), 0.0, variance),)
+        return (Observed((0.0, 1.0, 0.0, 0.0), 0.0, self.options.limits.bound_variance(bound, reading.interval_s)),)
 
     def observe_each(self, reading: Any, means: Array, covariances: Array) -> list[Stacked]:
         """`observe` at each belief."""
-        if reading.speed_mps is None:
+        measured = self._measured(reading)
+        if measured is None:
             return super().observe_each(reading, means, covariances)
-        return [scaled_speeds(reading.speed_mps, reading.speed_variance_m2ps2, means, covariances)]
+        return [scaled_speeds(*measured, means, covariances)]
+
+    def _measured(self, reading: Any) -> tuple[float, float] | None:
+        """The speed and its variance; None for a bound.
+
+        A device that only counts has counted zero, which is a count as any other: where it told nothing of the diameter, this
+        would follow from the counts of one alone.
+        """
+        if reading.speed_mps is not None:
+            return reading.speed_mps, reading.speed_variance_m2ps2
+        if self.options.timer_s is not None:
+            return None
+        return 0.0, self.options.limits.bound_variance(reading.speed_max_mps, reading.interval_s, COUNT_VARIANCE)
 
     def snapshot(self, belief: Belief, at_ns: int) -> bytes | None:
         """The scale in the belief, to be stored."""
