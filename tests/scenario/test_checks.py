@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import yaml
 from harness import MAGLEV, ROOT, at
 
 from milepost.checks.requirements import CHECKS
@@ -133,3 +134,18 @@ def test_the_report_shows_every_check(tmp_path: Path) -> None:
     assert all(f"<td>{name}</td>" in page for name in EVERYWHERE)
     results = json.loads((tmp_path / "report/results.json").read_text(encoding="utf-8"))
     assert set(results["scenarios"]["checked"]["checks"]["fused"]) == set(EVERYWHERE)
+
+
+def test_a_run_that_ends_before_its_time_says_when(tmp_path: Path) -> None:
+    """From 100 m at 20 m/s, 50 m before the end of a line of 400 m are reached after 12.5 s."""
+    balises = {"every_m": 100.0, "from_m": 150.0, "location_accuracy_m": 0.05}
+    line = {"line": "short", "length_m": 400.0, "map_accuracy_m": 0.02, "balises": balises}
+    train = yaml.safe_load(MAGLEV.read_text(encoding="utf-8")) | {"line": "line.yaml"}
+    train["prior"] |= {"position_m": 100.0, "speed_mps": 20.0}
+    train["world"]["motion"] |= {"profile": [[0.0, 20.0]], "start_m": 100.0}
+    for name, content in (("line", line), ("train", train)):
+        (tmp_path / f"{name}.yaml").write_text(yaml.safe_dump(content), encoding="utf-8")
+    path = written(tmp_path, train="train.yaml", duration_s=60.0, windows={}, scores={}, claims=[])
+    (said,) = [line for line in evaluate(path).stdout.splitlines() if line.startswith("ended")]
+    assert said == "ended after 12.5 s, where the train was 50 m before the end of its line, or its recordings ended"
+    assert json.loads(evaluate(path, "--json").stdout)["ended_s"] == pytest.approx(12.5)

@@ -55,7 +55,7 @@ def run_plan(plan: Plan, also: Tap | None, progress: ProgressCallback) -> Run:
 def _run_case(plan: Plan, case: Case, also: Tap | None, progress: ProgressCallback) -> tuple[dict[str, Any], RunLog, Traces]:
     duration_s = plan.scenario.duration_s
     log = RunLog(case.train, also)
-    simulate(case.train, duration_s, log.tap, log.keep, progress, case.faults)
+    ended_s = simulate(case.train, duration_s, log.tap, log.keep, progress, case.faults)
     if log.truth and log.truth.keys().isdisjoint(log.live):
         raise ConfigError(plan.path, "duration_s", "the run ends before there is a state to be compared with the truth")
     if not log.live:
@@ -72,7 +72,9 @@ def _run_case(plan: Plan, case: Case, also: Tap | None, progress: ProgressCallba
         traces["centralised"] = _centralised(log, None)
     for unit in case.alone:
         traces[f"{unit}_only"] = _centralised(log, unit)
-    return _figures(plan, case, log, traces), log, traces
+    figures = _figures(plan, case, log, traces)
+    # said only where it is less than what was asked for
+    return figures if ended_s >= duration_s else {"ended_s": ended_s, **figures}, log, traces
 
 
 def later(progress: ProgressCallback, done_s: float) -> ProgressCallback:

@@ -37,6 +37,8 @@ def _condition(results: Sequence[dict[str, Any]], more_is_better: set[str] | fro
         estimators[name] = {key: over(v, _median) for key, v in values.items()}
         estimators[name]["worst"] = {key: _worst(key, v, more_is_better) for key, v in values.items()}
     alone = {key: max(r[key] for r in results) for key in OF_THE_RUN if key in results[0]}
+    ends = [r["ended_s"] for r in results if "ended_s" in r]
+    alone |= {"ended_s": min(ends)} if ends else {}
     not_scored = {"not_scored": results[0]["not_scored"]} if "not_scored" in results[0] else {}
     checks = {"checks": over_seeds([r.get("checks", {}) for r in results])} if "checks" in results[0] else {}
     return {"estimators": estimators, **alone, **not_scored, **checks}

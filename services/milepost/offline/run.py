@@ -58,11 +58,12 @@ def simulate(
     settled: Callable[[FusedState], None] | None = None,
     progress: Callable[[float], None] | None = None,
     faults: Sequence[FaultEntry] = (),
-) -> None:
+) -> float:
     """Run all processes of a simulated or replayed train for `duration_s` of scenario time, or until its world ends.
 
-    `progress` is called with the scenario time done, in seconds. `faults`: what goes wrong with units' readings on their way
-    out of the sensors' processes. Raises ConfigError for a train without scenario time, and for a fault that does not fit.
+    Returns the scenario time at which it ended, in seconds. `progress` is called with the scenario time done, in seconds.
+    `faults`: what goes wrong with units' readings on their way out of the sensors' processes. Raises ConfigError for a train
+    without scenario time, and for a fault that does not fit.
     """
     if not train.has_scenario_time:
         raise ConfigError(train.path, "world", "required for an offline run without recordings")
@@ -80,6 +81,7 @@ def simulate(
             if progress is not None:
                 progress((done - OFFLINE_START_NS) / NS_PER_S)
         run.finish()
+    return end_s
 
 
 def replay(
