@@ -36,9 +36,8 @@ def _condition(result: dict[str, Any], runs: int) -> list[str]:
     if "not_scored" in result:
         lines.append(result["not_scored"])
     if "ended_s" in result:
-        lines.append(
-            f"ended after {result['ended_s']:.1f} s, where the train was 50 m before the end of its line, or its recordings ended"
-        )
+        why = "where the train was 50 m before the end of its line, or its recordings ended"
+        lines.append(f"ended after {result['ended_s']:.1f} s, {why}")
     alone = {key: value for key, value in result.items() if isinstance(value, (int, float))}
     lines += [f"{key}: {value:.9g}" for key, value in alone.items() if key not in ("seed", "duration_s", "ended_s", "runs")]
     return lines + [line for name, found in result.get("checks", {}).items() for line in ("", *check_lines(name, found, runs))]
