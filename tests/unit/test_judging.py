@@ -138,7 +138,7 @@ def test_a_judge_that_remembers_judges_once_at_the_leading_belief() -> None:
 
 
 def test_a_pure_reading_is_linearised_at_each_hypothesis_own_belief() -> None:
-    """The prior of those that do not hear v is still at its place when u is heard, wider by the way: P_ss + (v t)²."""
+    """The prior of those that hear u first is at its place then, wider by the way: P_ss + (v t)². Who hears nobody moves on."""
     line = timeline(Squared())
     later = COVARIANCE.copy()
     later[0, 0] += (MEAN[1] * 1.0) ** 2
@@ -148,9 +148,10 @@ def test_a_pure_reading_is_linearised_at_each_hypothesis_own_belief() -> None:
     F, Q = transition(1.0), process_noise(1.0, 0.01)
     heard = update(MEAN, COVARIANCE, np.array([0.0, 1.0, 0.0]), 21.0, 1.0)
     for units, x, P in zip(state.rows.sets, state.x, state.P, strict=True):
-        mean, covariance = (MEAN, COVARIANCE) if "v" in units else (F @ heard[0], F @ heard[1] @ F.T + Q)
+        before = (MEAN, COVARIANCE) if "v" in units else heard
+        mean, covariance = F @ before[0], F @ before[1] @ F.T + Q
         if "u" not in units:
-            covariance = later if "v" in units else covariance
+            mean, covariance = (MEAN, later) if "v" in units else (mean, covariance)
             h = np.array([0.0, 2.0 * mean[1], 0.0])
             mean, covariance = update(mean, covariance, h, 410.0 + mean[1] ** 2, 4.0)
         np.testing.assert_allclose(x, mean, rtol=1e-12)

@@ -38,12 +38,14 @@ class BankKernel:
         self._stack = Stack()
         self._steps = Steps(layout, jerk_psd)
         self._horizon_s = horizon_s
+        self._prior = np.zeros(layout.dimension), np.eye(layout.dimension)
         self._more_jerk_psd = max(0.0, doubts.hard_jerk_psd - jerk_psd)
 
     # --- beliefs in and out
 
     def prior(self, mean: Array, covariance: Array) -> Bank:
         """The prior before the first observation."""
+        self._prior = mean, covariance
         return self._begin(mean, covariance, {u: Verdict(j.start()) for u, j in self._judges.items()}, None)
 
     def pack(self, mean: Array, covariance: Array) -> Bank:
@@ -100,6 +102,16 @@ class BankKernel:
         waited_s = state.waited_s + dt_s
         return state._replace(waiting=state.waiting if waited_s <= self._horizon_s else None, waited_s=waited_s)
 
+    def _begun(self, state: Bank, begins: Flags) -> Bank:
+        """The prior, with P_ss + (v t)², for rows that begin the time t after the first reading of all.
+
+        The prior is that at the first reading: if that one came from a clock that is behind, the train has not moved since.
+        """
+        (mean, covariance), x, P = self._prior, state.x.copy(), state.P.copy()
+        x[begins], P[begins] = mean, covariance
+        P[begins, 0, 0] += (mean[1] * state.waited_s) ** 2
+        return state._replace(x=x, P=P)
+
     def take(self, state: Bank, observation: Observation) -> Bank:
         """All hypotheses after one observation, or after a whole reading."""
         unit, at_ns = observation.unit, observation.measured_at_ns
@@ -116,7 +128,7 @@ class BankKernel:
         said = said_by(observation) if suspect and suspect.never_repeats else None
         state = state.judged(unit, verdict.told(said, memory, at_ns, counted_ns, gating, refused))
         if rows and state.waiting is not None:
-            state = _moved_since(state, state.waiting & state.rows.uses(unit))
+            state = self._begun(state, state.waiting & state.rows.uses(unit))
         learns = observation.reading is not None and unit in self._readings.learners
         for component, row in enumerate(rows):
             if learns:
@@ -162,18 +174,6 @@ class BankKernel:
         if unit in state.rows.excluded:
             common = 1.0 - float((R / S)[state.leader])
         return self._isolation.decide(state, after, Finding(unit, at_ns, uses, heard, struck, stuck, common=common))
-
-
-def _moved_since(state: Bank, begins: Flags) -> Bank:
-    """s - v t and P_ss + (v t)² for rows that begin the time t after the first reading of all.
-
-    The prior is that at the first reading. If that one came from a clock that is behind, the train has not moved since.
-    """
-    x, P = state.x.copy(), state.P.copy()
-    way = x[begins, 1] * state.waited_s
-    x[begins, 0] -= way
-    P[begins, 0, 0] += way**2
-    return state._replace(x=x, P=P)
 
 
 def _alone(state: Bank, unit: str, odd: bool, at_ns: int) -> Verdict:
