@@ -110,13 +110,14 @@ def test_the_number_of_series_stays_the_same_from_scrape_to_scrape(train):
     begun = len(outside.messages("milepost/v1/full-1/health/fuser"))
     outside.wait_for(lambda: len(outside.messages("milepost/v1/full-1/health/fuser")) >= begun + 3, 10.0, "three seconds")
     new = {each[0] for each in set(scrape(port)) - first}
-    # a unit may be excluded, a first reason may refuse, a balise may be read
+    # a unit may be excluded, a first reason may refuse, a balise may be read, the first message of who hears it
     may_come = (
         "balise_distance_meters",
         "unit_excluded",
         "process_refused_total",
         "process_sent_hertz",
         "process_received_hertz",
+        "process_delivery_seconds",
     )
     assert new <= {f"milepost_{name}" for name in may_come}
 
