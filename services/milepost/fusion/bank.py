@@ -127,8 +127,8 @@ class BankKernel:
         counted_ns = at_ns if counts else verdict.counted_ns
         said = said_by(observation) if suspect and suspect.never_repeats else None
         state = state.judged(unit, verdict.told(said, memory, at_ns, counted_ns, gating, refused))
-        if rows and state.waiting is not None:
-            state = self._begun(state, state.waiting & state.rows.uses(unit))
+        if rows and state.waiting is not None and (begins := state.waiting & state.rows.uses(unit)).any():
+            state = self._begun(state, begins)
         learns = observation.reading is not None and unit in self._readings.learners
         for component, row in enumerate(rows):
             if learns:
