@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 
+from milepost.estimation.time_units import NS_PER_S
 from milepost.nodes.around import Around
 from milepost.nodes.base import Node, Output, Severity
 from milepost.simulation.faults import reason_of
@@ -11,8 +12,6 @@ from milepost.simulation.faults.sending import Step
 from milepost_schemas import FaultCommand, Feedback, Message, SnapshotPart
 
 from .table import WRONG_CLOCK, options_of
-
-NS_PER_S = 1_000_000_000
 
 
 class WrongClock(Around):
