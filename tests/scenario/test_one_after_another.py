@@ -22,7 +22,7 @@ def suffered(duration_s: float, *faults: dict[str, object], seed: int = 1, file:
     train = load_train(file or ROOT / "deploy/trains/regional.yaml", {"fusion": {"period_ms": 100}}, seed)
     journey = Journey(train)
     entries = [TypeAdapter(FaultEntry).validate_python(fault) for fault in faults]
-    simulate(train, duration_s, journey.tap, None, None, entries)
+    simulate(train, duration_s, journey.tap, journey.keep, None, entries)
     return journey
 
 
