@@ -162,8 +162,9 @@ def protected(state: Bank) -> tuple[tuple[float, float], tuple[float, float]]:
     held, K = state.rows.intervals(state.alive, state.leader, int(-math.log10(max(chance, 10.0**-RAREST))))
     variances = np.diagonal(state.P, axis1=1, axis2=2)[held, :2]
     if state.waiting is not None:
-        # a row that waits may still be where it was at the first reading of all, whose clock may be behind
-        variances[:, 0] += np.where(state.waiting[held], (state.x[held, 1] * state.waited_s) ** 2, 0.0)
+        # a row that is about to begin may still be where it was at the first reading of all, whose clock may be behind
+        begins = (state.waiting & ~state.rows.deaf)[held]
+        variances[:, 0] += np.where(begins, (state.x[held, 1] * state.waited_s) ** 2, 0.0)
     centre, reach = state.x[held, :2], K[:, None] * np.sqrt(variances)
     (low, slow), (high, fast) = (centre - reach).min(axis=0).tolist(), (centre + reach).max(axis=0).tolist()
     return (low, high), (slow, fast)
