@@ -16,9 +16,10 @@ import pytest
 import yaml
 
 from conftest import Outside, Stack, free_port, running
+from examples import EXAMPLES
 from milepost.recorder.reading import recordings_in
 from milepost.recorder.summary import Summary
-from milepost_schemas import Feedback, decode, rpc_key
+from milepost_schemas import Feedback, decode, encode, rpc_key
 
 TRAIN, TOP = "regional", "milepost/v1/regional-1"
 DURATION_S = 8
@@ -159,7 +160,10 @@ def test_a_node_that_raises_ends_the_process_and_says_so_and_it_is_restarted(tmp
 
 
 def test_trains_of_a_fleet_share_processes_and_a_recorder(tmp_path: Path) -> None:
-    """GIVEN five trains and fewer cores, THEN there are as many processes as cores; each is recorded in a file of its own."""
+    """GIVEN five trains and fewer cores, THEN there are as many processes as cores; each is recorded in a file of its own.
+
+    Another train at the same router is not recorded.
+    """
     fleet, folder = tmp_path / "five.yaml", tmp_path / "recording"
     entry = {"train": "maglev", "name": "shuttle", "count": 5, "change": {"fusion": {"period_ms": 100, "deadline_ms": 60.0}}}
     fleet.write_text(yaml.safe_dump({"fleet": "five", "trains": [entry]}), encoding="utf-8")
@@ -167,8 +171,10 @@ def test_trains_of_a_fleet_share_processes_and_a_recorder(tmp_path: Path) -> Non
     stack = Stack("", "--fleet", str(fleet), "--together", "--record", str(folder))
     outside = Outside(stack.endpoint)
     outside.listen("milepost/v1/*/state")
+    strange = EXAMPLES["state"][0]
     try:
         for name in names:
+            outside.session.put(f"milepost/v1/{strange.train}/state", encode(strange), encoding=strange.encoding())
             outside.wait_state(f"milepost/v1/{name}/state", lambda m: m["status"] == "normal", 60.0, f"a normal {name}")
         titles = [" ".join(child.cmdline()) for child in psutil.Process(stack.process.pid).children()]
         assert sum("run together" in title for title in titles) == min(5, len(os.sched_getaffinity(0)))
@@ -183,6 +189,7 @@ def test_trains_of_a_fleet_share_processes_and_a_recorder(tmp_path: Path) -> Non
         outside.close()
         stack.stop()
     assert not [line for line in stack.errors if "did not end" in line or "Traceback" in line]
+    assert outside.newest(f"milepost/v1/{strange.train}/state")
     summary = Summary().read(recordings_in(folder))
     assert sorted(path.name.rpartition("-2")[0].partition("-2026")[0] for path in folder.iterdir()) == names
     assert {sender.train for sender in summary.senders} == set(names)

@@ -27,6 +27,7 @@ from milepost.recorder.limits import MIB, Limits
 from milepost.recorder.reading import McapReader, recordings_in
 from milepost.recorder.recorder import LOOK_AGAIN_NS, Recorder
 from milepost.recorder.scenario_clock import ScenarioClock, simulation_facts
+from milepost.recorder.several import MOST_SYNCED, Several
 from milepost.recorder.summary import Summary
 from milepost.runtime.recording.intake import EACH_BYTES, Intake
 from milepost.runtime.recording.writer import WriterThread
@@ -486,3 +487,33 @@ class TestHistory:
     def test_a_question_that_makes_no_sense_is_told_why(self, parameters: str) -> None:
         with pytest.raises(BadQuestionError, match="seconds: "):
             seconds_asked_for(parameters)
+
+
+def test_of_several_trains_each_file_is_handed_over_at_every_other_check(tmp_path: Path) -> None:
+    """GIVEN three trains whose messages came, WHEN two checks are over, THEN a reader finds all that had come before."""
+    names = [f"t-{n}" for n in range(3)]
+    recorders = {name: Recorder(tmp_path, name, Limits(least_free_bytes=0), T0) for name in names}
+    several = Several(recorders)
+    for sequence in range(4):
+        for name in names:
+            several.add(message(sequence, f"milepost/v1/{name}/reading/radar"))
+        for _ in range(2):
+            several.check(T0 + sequence)
+        assert [len(recorded(recorders[name].files[0])) for name in names] == [sequence + 1] * 3
+
+
+def test_of_many_trains_the_disk_has_each_file_in_turn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """GIVEN more trains than a check waits for, WHEN N / 10 checks are over, THEN the disk has taken the file of each."""
+    synced: list[Path] = []
+
+    def sync(file: RecordingFile) -> None:
+        synced.append(file.path)
+        file.flush()
+
+    monkeypatch.setattr(RecordingFile, "sync", sync)
+    names = [f"t-{n:02}" for n in range(4 * MOST_SYNCED)]
+    several = Several({name: Recorder(tmp_path, name, Limits(least_free_bytes=0), T0) for name in names})
+    for _ in range(4):
+        several.check(T0)
+        assert len(synced) % MOST_SYNCED == 0
+    assert len(set(synced)) == len(synced) == len(names)

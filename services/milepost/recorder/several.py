@@ -7,27 +7,33 @@ from collections.abc import Mapping
 from .incoming import Incoming
 from .recorder import Recorder
 
+# to end a chunk costs as much as some messages: each file is handed over at every other check
+SHARES = 2
 # a disk takes some milliseconds for each file: at a check so many are waited for, in turn
 MOST_SYNCED = 10
 
 
 class Several:
-    """Writes what comes to the recorder of its train. Whoever subscribes to no other train's keys gets no others."""
+    """Writes what comes to the recorder of its train. Only messages of its trains are to come."""
 
     def __init__(self, recorders: Mapping[str, Recorder]) -> None:
         self._recorders = recorders
-        self._turn = 0
+        shares = 1 if len(recorders) == 1 else SHARES
+        self._shares = [list(recorders.values())[share::shares] for share in range(shares)]
+        self._checks = 0
 
     def add(self, message: Incoming) -> None:
         """Write one message."""
         self._recorders[train_of(message.key)].add(message)
 
     def check(self, now_ns: int) -> None:
-        """Have the system take what came, the disk that of the next few, and whatever else is due."""
-        count = len(self._recorders)
-        for place, recorder in enumerate(self._recorders.values()):
-            recorder.check(now_ns, (place - self._turn) % count < MOST_SYNCED)
-        self._turn = (self._turn + MOST_SYNCED) % count
+        """Have the system take what came for one share of the trains, and the disk that of some; and whatever else is due."""
+        rounds, share = divmod(self._checks, len(self._shares))
+        recorders = self._shares[share]
+        first = rounds * MOST_SYNCED
+        for place, recorder in enumerate(recorders):
+            recorder.check(now_ns, (place - first) % len(recorders) < MOST_SYNCED)
+        self._checks += 1
 
     def close(self, now_ns: int) -> None:
         """Finish the files in hand."""

@@ -16,12 +16,13 @@ import zenoh
 
 from milepost.config.fusion_settings import fingerprint
 from milepost.config.train import Train
+from milepost.offline.collector import rare_collection
 from milepost.recorder.history import MOST_BYTES, BadQuestionError, History, seconds_asked_for
 from milepost.recorder.history import STREAMS as HISTORIES
 from milepost.recorder.limits import Limits
 from milepost.recorder.recorder import Recorder
 from milepost.recorder.scenario_clock import MADE_OF
-from milepost.recorder.several import Several
+from milepost.recorder.several import Several, train_of
 from milepost_schemas import BY_NAME, STREAMS
 
 from .. import zenoh_config
@@ -37,6 +38,7 @@ from .reporter import Reporter
 from .writer import WriterThread
 
 log = logging.getLogger("milepost")
+ANY_TRAIN = "*"
 
 
 @dataclass(frozen=True)
@@ -64,14 +66,15 @@ def run_recorders(trains: Sequence[Train], options: RecorderOptions) -> None:
         recorders[train.name].describe(MADE_OF, {"file": train.path.name, "fingerprint": fingerprint(train)}, now_ns)
     # opening waits for a router inside Zenoh, where Python cannot see a signal
     signal.signal(signal.SIGINT, signal.SIG_DFL)
-    with zenoh_in_log(), open_session(zenoh_config.client(options.connection)) as session:
+    config = zenoh_config.client(options.connection)
+    with rare_collection(), zenoh_in_log(), open_session(config) as session, open_session(config) as only_heard:
         inbox: Inbox = queue.SimpleQueue()
         stop_on_signals(inbox)
         intake = Intake(most_keys=MOST_KEYS * len(trains))
         most_bytes = MOST_BYTES // len(trains)
         histories = {BY_NAME[row].key_for(train.name): History(most_bytes=most_bytes) for train in trains for row in HISTORIES}
         writer = WriterThread(Several(recorders), intake, lambda: inbox.put(Stop()), histories)
-        kept = [each for train in trains for each in _listen(session, train.name, intake)]
+        kept = _listen(only_heard, list(recorders), intake)
         kept += _offer(session, inbox, histories)
         for train in trains:
             log.info("recording %s to %s", train.name, options.folder)
@@ -86,15 +89,23 @@ def run_recorders(trains: Sequence[Train], options: RecorderOptions) -> None:
             writer.end()
 
 
-def _listen(session: Any, train: str, intake: Intake) -> list[Any]:
-    """Subscribe to every recorded stream; readings of all kinds have one key, and are subscribed to once."""
+def _listen(session: Any, names: Sequence[str], intake: Intake) -> list[Any]:
+    """Subscribe to every recorded stream; readings of all kinds have one key, and are subscribed to once.
+
+    Of several trains, to those of all trains that there are: a session with thousands of subscriptions takes milliseconds to
+    find whose a new key is, and loses its connection.
+    """
+    ours = frozenset(names)
 
     def receive(sample: Any) -> None:
-        intake.put(str(sample.key_expr), time.time_ns(), sample)
+        key = str(sample.key_expr)
+        if train_of(key) in ours:
+            intake.put(key, time.time_ns(), sample)
 
-    # the thread that brings a sample puts it there: of many trains, a thread for each subscriber would be thousands
+    # the thread that brings a sample puts it there: a thread for each subscriber would only cost
     put = zenoh.handlers.Callback(receive, indirect=False)
     rows = {row.key: row for row in reversed(STREAMS) if row.recorded}
+    train = names[0] if len(names) == 1 else ANY_TRAIN
     return [subscriber(session, row, row.key_for(train), put, paced_too=True) for row in rows.values()]
 
 
