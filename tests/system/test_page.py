@@ -100,7 +100,9 @@ def test_the_page_follows_the_train(train, tab):
     assert re.fullmatch(r"\d+\.\d", text(tab, "speed"))
     assert re.fullmatch(r"< 1 s|[1-5] s", text(tab, "age"))
     assert "inside the protected interval" in text(tab, "error")
-    assert tab.locator("#line-note").inner_text() == "18.6 km, 18 balises, 2 tunnels"
+    assert tab.locator("#line-note").inner_text() == "18.6 km, 18 balises, 2 tunnels, 3 stations"
+    names = [each.text_content() for each in tab.locator("#whole text.name").all()]
+    assert names == ["Airport", "Exhibition Centre", "City"]
     units = tab.locator("#units tr")
     assert units.count() >= 7
     sync_api.expect(tab.locator("#units tr", has_text="gnss")).to_contain_text("Hz")

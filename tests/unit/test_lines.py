@@ -40,9 +40,20 @@ def test_a_tunnel_begins_with_its_first_metre_and_ends_before_its_last(tmp_path:
     assert not load_line(write(tmp_path, PLAIN)).in_tunnel(150.0)
 
 
+def test_stations_are_in_order_and_for_people_alone(tmp_path: Path) -> None:
+    """GIVEN the same line with stations, THEN they are in order, and the hash by which maps are compared is the same."""
+    stations = [{"name": "Gare du Midi", "position_m": 4800.0}, {"name": "Nord", "position_m": 0.0}]
+    line = load_line(write(tmp_path, {**PLAIN, "stations": stations}))
+    assert line.stations == (("Nord", 0.0), ("Gare du Midi", 4800.0))
+    assert line.content_hash == load_line(write(tmp_path, PLAIN)).content_hash
+
+
 @pytest.mark.parametrize(
     ("change", "field", "says"),
     [
+        ({"stations": [{"name": "A", "position_m": 5000.1}]}, "stations.0.position_m", "beyond"),
+        ({"stations": [{"name": " ", "position_m": 1.0}]}, "stations.0.name", "at least 1"),
+        ({"stations": [{"position_m": 1.0}]}, "stations.0.name", "required"),
         ({"gradient": [[100.0, 1.0], [100.0, 2.0]]}, "gradient.1", "increase"),
         ({"gradient": [[100.0, 1.0], [5000.1, 2.0]]}, "gradient.1", "beyond"),
         ({"gradient": [[100.0, 100.0]]}, "gradient.0", "within ±100 permille"),

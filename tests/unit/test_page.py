@@ -224,6 +224,7 @@ def test_garbage_and_messages_in_another_trains_name_are_not_shown() -> None:
 def test_a_line_is_drawn_with_its_balises_tunnels_and_track_and_sent_once() -> None:
     drawing = drawing_of(LINE)
     assert (len(drawing["balises"]), drawing["tunnels"]) == (18, [[6700.0, 7100.0], [12100.0, 13000.0]])
+    assert drawing["stations"] == [["Airport", 250.0], ["Exhibition Centre", 9800.0], ["City", 18300.0]]
     track = drawing["track"]
     assert len(track) == MOST_POINTS
     (s0, e0, n0), (s1, e1, n1) = track[100], track[101]

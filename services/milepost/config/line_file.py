@@ -7,12 +7,12 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import BaseModel, Discriminator, Field, Tag
+from pydantic import BaseModel, Discriminator, Field, StringConstraints, Tag
 
 from milepost.recordings.ecef_path import ecef_points
 from milepost.recordings.options import STRICT, DataPath, Span
 from milepost.track.geojson import geojson_points
-from milepost.track.line import Balise, Line
+from milepost.track.line import Balise, Line, Station
 from milepost.track.track import Track
 from milepost_schemas.message import Name
 
@@ -53,6 +53,14 @@ Balises = Annotated[
 ]
 
 
+class StationRow(BaseModel):
+    """A station, by the name that people know it by."""
+
+    model_config = STRICT
+    name: Annotated[str, StringConstraints(strip_whitespace=True, min_length=1, max_length=60)]
+    position_m: Metres
+
+
 # a steeper gradient than this is a mistake in the unit
 STEEPEST_PERMILLE = 100.0
 GradientRow = Annotated[list[float], Field(min_length=2, max_length=2)]
@@ -63,8 +71,8 @@ class LineFile(BaseModel):
 
     Geometry: `geojson`, a LineString feature in the direction of chainage, or `path_csv`, a recorded path with the columns
     `ecef_x_m`, `ecef_y_m`, `ecef_z_m`. Profile: `gradient`, rows [position_m, permille], positive uphill, linear between
-    them and held beyond the ends; `tunnels`, spans [from_m, to_m]. `nid_c`: the country or region of ERTMS/ETCS to which the
-    balises' `nid_bg` belong.
+    them and held beyond the ends; `tunnels`, spans [from_m, to_m]. `stations`: for people alone. `nid_c`: the country or
+    region of ERTMS/ETCS to which the balises' `nid_bg` belong.
     """
 
     model_config = STRICT
@@ -77,6 +85,7 @@ class LineFile(BaseModel):
     nid_c: Annotated[int, Field(ge=0, le=1023)] | None = None
     gradient: list[GradientRow] = Field(default_factory=list)
     tunnels: list[Span] = Field(default_factory=list)
+    stations: list[StationRow] = Field(default_factory=list)
 
 
 def load_line(path: Path) -> Line:
@@ -108,7 +117,9 @@ def load_line(path: Path) -> Line:
         content["gradient"] = gradient
     if tunnels:
         content["tunnels"] = tunnels
-    return Line(file.line, length, balises, file.map_accuracy_m, track, content, gradient, tunnels)
+    # stations are for people: the same line with other names is the same line, so they are not in its content
+    stations = _stations(path, file, length)
+    return Line(file.line, length, balises, file.map_accuracy_m, track, content, gradient, tunnels, stations)
 
 
 def _balises(path: Path, file: LineFile, length_m: float) -> tuple[Balise, ...]:
@@ -190,3 +201,10 @@ def _tunnels(path: Path, file: LineFile, length_m: float) -> tuple[tuple[float, 
             raise ConfigError(path, f"tunnels.{i}", f"beyond the line's {length_m:.1f} m")
         before = to_m
     return tuple((from_m, to_m) for from_m, to_m in file.tunnels)
+
+
+def _stations(path: Path, file: LineFile, length_m: float) -> tuple[Station, ...]:
+    for i, row in enumerate(file.stations):
+        if row.position_m > length_m:
+            raise ConfigError(path, f"stations.{i}.position_m", f"beyond the line's {length_m:.1f} m")
+    return tuple(sorted((Station(row.name, row.position_m) for row in file.stations), key=lambda each: each.position_m))

@@ -14,13 +14,14 @@ EARTH_M_PER_DEG = 111_320.0
 
 
 def drawing_of(line: Line) -> dict[str, Any]:
-    """Length, balises [name, position_m], tunnels [from_m, to_m] and track [position_m, east_m, north_m]."""
+    """Length, balises and stations [name, position_m], tunnels [from_m, to_m], track [position_m, east_m, north_m]."""
     return {
         "name": line.name,
         "length_m": round(line.length_m, 1),
         "balises": [[each.balise_id, round(each.position_m, 1)] for each in line.balises[:MOST_BALISES]],
         "balise_count": len(line.balises),
         "tunnels": [[round(from_m, 1), round(to_m, 1)] for from_m, to_m in line.tunnels],
+        "stations": [[each.name, round(each.position_m, 1)] for each in line.stations],
         "track": [] if line.track is None else _plan(line.track),
     }
 

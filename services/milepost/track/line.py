@@ -7,7 +7,7 @@ import json
 from bisect import bisect_right
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,12 +32,19 @@ class Balise:
     reverse: bool = False
 
 
+class Station(NamedTuple):
+    """A place where trains stop, for people: nothing is computed from it."""
+
+    name: str
+    position_m: float
+
+
 @dataclass(frozen=True)
 class Line:
     """A line: name, length, balises in order of chainage, map accuracy, and optional geometry and profile.
 
     `gradient`: (position_m, slope) in order of position, slope in metres of rise per metre, linear between them.
-    `tunnels`: (from_m, to_m), in order, apart from each other.
+    `tunnels`: (from_m, to_m), in order, apart from each other. `stations` in order of position.
     """
 
     name: str
@@ -48,6 +55,7 @@ class Line:
     content: dict[str, Any] = field(default_factory=dict, repr=False)
     gradient: tuple[tuple[float, float], ...] = ()
     tunnels: tuple[tuple[float, float], ...] = ()
+    stations: tuple[Station, ...] = ()
 
     def slope_at(self, position_m: float) -> float:
         """Rise per metre of travel towards higher chainage; level where no gradient is known, held beyond the ends."""

@@ -4,13 +4,13 @@ import { niceStep, onWidth, set, svg } from "./live.js";
 const MARGIN = 14;
 const NEAREST_M = 200;
 const TUNNEL_TEXT_PX = 52;
+const LETTER_PX = 6.5;
+const NAMES_PX = 14;
 
 export class Schematic {
   constructor(node, isWhole) {
     this.node = node;
     this.isWhole = isWhole;
-    this.height = isWhole ? 64 : 104;
-    this.axisY = isWhole ? 28 : 54;
     this.data = null;
     this.train = null;
     this.window = null;
@@ -70,6 +70,10 @@ export class Schematic {
     } else {
       return;
     }
+    // near the train there is room for names above its marker anyway
+    const names = this.isWhole && this.data.stations.length ? NAMES_PX : 0;
+    this.height = (this.isWhole ? 64 : 104) + names;
+    this.axisY = (this.isWhole ? 28 : 54) + names;
     set(this.node, { viewBox: `0 0 ${this.width} ${this.height}`, height: this.height });
     this.still.replaceChildren();
     this.drawTunnels();
@@ -77,6 +81,7 @@ export class Schematic {
     const ends = [Math.max(from, 0), Math.min(to, this.data.length_m)].map((each) => this.x(each));
     svg("line", { class: "rail", x1: ends[0], x2: ends[1], y1: this.axisY, y2: this.axisY }, this.still);
     this.drawBalises();
+    this.drawStations();
     this.drawScale();
     this.move();
   }
@@ -105,6 +110,24 @@ export class Schematic {
     for (const [name, at] of seen) {
       const x = Math.min(Math.max(this.x(at), 24), this.width - 24);
       svg("text", { class: "label", x, y: this.axisY + 22, "text-anchor": "middle" }, this.still, name);
+    }
+  }
+
+  // a name is left out where it would run into the one before it; pointing at the mark tells it all the same
+  drawStations() {
+    const [from, to] = this.window;
+    let free = 0;
+    for (const [name, at] of this.data.stations) {
+      if (at < from || at > to) continue;
+      const x = this.x(at);
+      const mark = svg("circle", { class: "station", cx: x.toFixed(1), cy: this.axisY, r: this.isWhole ? 4.5 : 6.5 }, this.still);
+      svg("title", {}, mark, name);
+      const half = (name.length * LETTER_PX) / 2;
+      const middle = Math.min(Math.max(x, half), this.width - half);
+      if (middle - half < free) continue;
+      free = middle + half + LETTER_PX;
+      const label = { class: "label name", x: middle.toFixed(1), y: 11, "text-anchor": "middle" };
+      svg("text", label, this.still, name);
     }
   }
 

@@ -49,7 +49,7 @@ function showLine(line) {
 
 function describe(line) {
   const count = (number, what) => `${number === 0 ? "no" : number} ${what}${number === 1 ? "" : "s"}`;
-  return `${(line.length_m / 1000).toFixed(1)} km, ${count(line.balise_count, "balise")}, ${count(line.tunnels.length, "tunnel")}`;
+  return `${(line.length_m / 1000).toFixed(1)} km, ${count(line.balise_count, "balise")}, ${count(line.tunnels.length, "tunnel")}, ${count(line.stations.length, "station")}`;
 }
 
 function unitRow(name) {
