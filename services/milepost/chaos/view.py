@@ -111,20 +111,25 @@ class View:
         at_ns, state = self.witness.received[-1]
         wanted = {name for name in self.jobs if not is_router(name)}
         fresh = (time.time_ns() - at_ns) * 1e-9 < FRESH_S
-        return fresh and state.status == "normal" and not state.excluded and wanted <= self.there and self._routers_listen()
+        return fresh and state.status == "normal" and not state.excluded and wanted <= self.there and not self._deaf_routers()
 
-    def _routers_listen(self) -> bool:
+    def _deaf_routers(self) -> dict[str, str]:
+        """The routers that do not listen where they should, and what is seen instead."""
         routers = [name for name in self.jobs if is_router(name)]
-        return all(self._listens(name, endpoint) for name, endpoint in zip(routers, self.endpoints, strict=True))
+        found = {name: self._deaf(name, endpoint) for name, endpoint in zip(routers, self.endpoints, strict=True)}
+        return {name: why for name, why in found.items() if why}
 
-    def _listens(self, router: str, endpoint: str) -> bool:
+    def _deaf(self, router: str, endpoint: str) -> str:
         port = int(endpoint.rpartition(":")[2])
         try:
             pid = self.pid(router)
             sockets = psutil.Process(pid).net_connections("tcp")
-        except (LookupError, psutil.Error):
-            return False
-        return pid not in self._gone and any(s.status == psutil.CONN_LISTEN and s.laddr.port == port for s in sockets)
+        except (LookupError, psutil.Error) as error:
+            return repr(error)
+        if pid in self._gone:
+            return f"process {pid} has ended"
+        ports = {each.laddr.port for each in sockets if each.status == psutil.CONN_LISTEN}
+        return "" if port in ports else f"process {pid} listens on {sorted(ports)}, not on {port}"
 
     def recovered(self, timeout_s: float = 30.0) -> None:
         """Wait until all is well again. Raises NotInTime, with what is not."""
@@ -134,5 +139,5 @@ class View:
             absent = [name for name in self.jobs if not is_router(name) and name not in self.there]
             said = f"{self.state.status}, excluded {[e.unit for e in self.state.excluded]}" if self.state else "no state"
             lingering = [f"{token.unit}/{token.instance}" for token in self.witness.alive if token in self._gone]
-            rest = f"tokens of ended instances {lingering}, all routers listen: {self._routers_listen()}"
+            rest = f"tokens of ended instances {lingering}, routers that do not listen {self._deaf_routers()}"
             raise NotInTime(f"{late} ({said}, absent {absent}, {rest})") from late
