@@ -27,6 +27,8 @@ from milepost.config.shipped_files import find_file
 from milepost.config.train import load_train
 from milepost.offline.message_log import Reader
 from milepost.offline.run import OfflineRun
+from milepost.recorder.file import RecordingFile
+from milepost.recorder.incoming import Incoming, head_of
 from milepost.recorder.reading import McapReader, recordings_in
 from milepost.recorder.summary import Summary
 from milepost.runtime import zenoh_config
@@ -352,6 +354,33 @@ def test_a_replay_is_byte_for_byte_in_order_and_at_its_pace(drive: tuple[Path, B
     assert encodings[f"{TOP}/state"] == {"application/msgpack;state/1"}
     span_s = (messages[-1].at_ns - messages[0].at_ns) * 1e-9
     assert spent_s >= span_s / 5
+
+
+def test_trains_that_ran_at_the_same_time_are_replayed_at_the_same_time(router: str, tmp_path: Path) -> None:
+    """GIVEN a folder with the recordings of two trains, THEN their messages come in the order in which they had come."""
+    begun_ns, sent = time.time_ns(), []
+    for place, train in enumerate(("red", "blue")):
+        file = RecordingFile(tmp_path / f"{train}-20260101T000000Z-0000.mcap")
+        for n in range(20):
+            reading = SpeedReading(**head(train=train, sequence=n), speed_mps=float(n), speed_variance_m2ps2=1.0)
+            at_ns = begun_ns + n * SECOND // 50 + place * SECOND // 100
+            each = Incoming(f"milepost/v1/{train}/reading/radar", SpeedReading.encoding(), at_ns, encode(reading))
+            file.add(each, head_of(each.payload))
+            sent.append(each)
+        file.close()
+    heard: list[tuple[str, bytes]] = []
+    outside = Outside(router)
+    kept = outside.session.declare_subscriber(
+        "milepost/v1/*/reading/radar", lambda sample: heard.append((str(sample.key_expr), sample.payload.to_bytes()))
+    )
+    try:
+        done = milepost("replay", tmp_path, "--connect", router)
+        outside.wait_for(lambda: len(heard) == len(sent), 10.0, "all messages")
+    finally:
+        kept.undeclare()
+        outside.close()
+    assert done.returncode == 0, done.stderr
+    assert heard == [(each.key, each.payload) for each in sorted(sent, key=lambda each: each.at_ns)]
 
 
 def test_a_replay_beside_its_live_train_is_refused(drive: tuple[Path, Banks], router: str, tmp_path: Path) -> None:

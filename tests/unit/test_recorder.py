@@ -187,6 +187,38 @@ class TestACutOffFile:
         assert len(list(McapReader(path).messages())) <= 30
         Summary().read([path])
 
+    def test_one_flipped_byte_of_a_finished_file_loses_no_message_unsaid(self, tmp_path: Path, three_chunks: bytes) -> None:
+        """GIVEN a finished file, WHEN any of its bytes is another, THEN all messages are read, or it says what is damaged."""
+        made = RecordingFile(tmp_path / "whole.mcap")
+        for chunk in range(3):
+            for n in range(10):
+                made.add(message(10 * chunk + n), head_of(b""))
+            made.flush()
+        made.close()
+        whole = (tmp_path / "whole.mcap").read_bytes()
+        sent, unsaid, lost = recorded(tmp_path / "whole.mcap"), [], 0
+        path = tmp_path / "spoilt.mcap"
+        # a step that meets every field of the headers of records at some place
+        for place in range(8, len(whole), 5):
+            path.write_bytes(whole[:place] + bytes([whole[place] ^ 0x41]) + whole[place + 1 :])
+            reader = McapReader(path)
+            found = list(reader.messages())
+            lost += found != sent
+            if found != sent and reader.whole and not reader.damaged:
+                unsaid.append(place)
+            # what is damaged takes no other chunk with it
+            assert len(found) >= 20 or not reader.whole
+        assert len(sent) == 30
+        assert lost > 0
+        assert unsaid == []
+
+    def test_a_file_that_was_only_opened_is_cut_off_and_empty(self, tmp_path: Path) -> None:
+        for size in range(8):
+            (tmp_path / "a.mcap").write_bytes(b"\x89MCAP0\r\n"[:size])
+            reader = McapReader(tmp_path / "a.mcap")
+            assert list(reader.messages()) == []
+            assert (reader.whole, reader.damaged) == (False, [])
+
     def test_a_file_in_the_making_can_be_read(self, tmp_path: Path) -> None:
         made = recorder(tmp_path)
         made.add(message(1))

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import re
 import struct
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from io import BytesIO
 from pathlib import Path
@@ -13,19 +14,20 @@ import zstandard
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.reader import make_reader
 from mcap.records import Channel, Chunk, Message, Metadata, Schema
 from mcap.stream_reader import breakup_chunk
+from mcap.summary import Summary
 
 from milepost.config.errors import ConfigError
 
 from .file import ENCODING
 from .incoming import Incoming
+from .records import MAGIC, Span, index_of, spans
 from .rows import MSGPACK
 
-MAGIC = b"\x89MCAP0\r\n"
-RECORD = struct.Struct("<BQ")
 SUFFIX = ".mcap"
+# as `Recorder` names its files: the train, when it was begun, a number
+NAMED = re.compile(r"(.+)-\d{8}T\d{6}Z-\d+")
 # no recorder makes larger ones; a damaged length must not take all memory
 MOST_CHUNK_BYTES = 1 << 30
 # what the library raises on bytes that are none of its
@@ -42,6 +44,15 @@ def recordings_in(path: Path) -> list[Path]:
     if not path.is_file():
         raise ConfigError(path, "", "no such file")
     return [path]
+
+
+def following(files: Iterable[Path]) -> list[list[Path]]:
+    """Files in groups of those that follow one another, in their order: the recording of a train, by the names of its files."""
+    groups: dict[str, list[Path]] = {}
+    for path in files:
+        named = NAMED.fullmatch(path.stem)
+        groups.setdefault(str(path.parent / named[1]) if named else str(path), []).append(path)
+    return list(groups.values())
 
 
 @dataclass
@@ -65,57 +76,43 @@ class McapReader:
         """Every message. Raises ConfigError for what is no MCAP file."""
         try:
             with self.path.open("rb") as file:
-                self._read_index(file)
-                file.seek(0)
-                if file.read(len(MAGIC)) != MAGIC:
+                begins = file.read(len(MAGIC))
+                if not MAGIC.startswith(begins):
                     raise ConfigError(self.path, "", "is no MCAP file")
-                yield from self._messages(file)
+                # one that has not even its beginning was begun a moment ago, or its recorder was killed then
+                if begins == MAGIC:
+                    yield from self._messages(file, self._read_index(file))
         except OSError as error:
             raise ConfigError(self.path, "", error.strerror or "cannot be read") from error
 
     def read_metadata(self) -> dict[str, dict[str, str]]:
         """What the recorder wrote about the recording, without reading the messages."""
         with self.path.open("rb") as file:
-            file.seek(len(MAGIC))
-            for opcode, length in self._records(file):
-                if opcode == Opcode.METADATA:
-                    self._note(opcode, file.read(length))
-                else:
-                    file.seek(length, 1)
+            for span in spans(file, None, []):
+                if span.opcode == Opcode.METADATA:
+                    self._note(span.opcode, _content(file, span))
         return self.metadata
 
-    def _read_index(self, file: IO[bytes]) -> None:
-        """Take the channels from the end, where there is one: then a damaged part takes no other part's with it."""
+    def _read_index(self, file: IO[bytes]) -> Summary | None:
+        """The end of the file, where there is one; its channels: then a damaged part takes no other part's with it."""
         try:
-            summary = make_reader(file).get_summary()
-        except (*DAMAGED, OSError):
-            return
-        if summary is not None:
+            index = index_of(file)
+        except DAMAGED as error:
+            self.damaged.append(f"{error or type(error).__name__}")
+            return None
+        if index is not None:
             self.whole = True
-            self._schemas, self._channels = dict(summary.schemas), dict(summary.channels)
+            self._schemas, self._channels = dict(index.schemas), dict(index.channels)
+        return index
 
-    def _records(self, file: IO[bytes]) -> Iterator[tuple[int, int]]:
-        """(opcode, length) of every whole record; the caller reads or skips its content before it asks for the next one."""
-        size = file.seek(0, 2)
-        at = file.seek(len(MAGIC))
-        while at + RECORD.size <= size:
-            opcode, length = RECORD.unpack(file.read(RECORD.size))
-            at += RECORD.size + length
-            if at > size or opcode == Opcode.DATA_END:
-                return
-            yield opcode, length
-            self.read_bytes = at
-
-    def _messages(self, file: IO[bytes]) -> Iterator[Incoming]:
-        for opcode, length in self._records(file):
-            if opcode in (Opcode.MESSAGE_INDEX, Opcode.ATTACHMENT):
-                file.seek(length, 1)
-                continue
-            place, body = self.read_bytes, file.read(length)
-            try:
-                yield from self._opened(opcode, body)
-            except (*DAMAGED, MemoryError) as error:
-                self.damaged.append(f"{length} bytes after byte {place}: {error or type(error).__name__}")
+    def _messages(self, file: IO[bytes], index: Summary | None) -> Iterator[Incoming]:
+        for span in spans(file, index, self.damaged):
+            if span.opcode not in (Opcode.MESSAGE_INDEX, Opcode.ATTACHMENT):
+                try:
+                    yield from self._opened(span.opcode, _content(file, span))
+                except (*DAMAGED, MemoryError) as error:
+                    self.damaged.append(f"bytes {span.at} to {span.end - 1}: {error or type(error).__name__}")
+            self.read_bytes = span.end
         if self.whole:
             self.read_bytes = self.path.stat().st_size
 
@@ -163,6 +160,11 @@ class McapReader:
         if said is not None or schema is None or channel.message_encoding != "msgpack":
             return channel.message_encoding if said is None else said
         return f"{MSGPACK};{schema.name}"
+
+
+def _content(file: IO[bytes], span: Span) -> bytes:
+    file.seek(span.begin)
+    return file.read(span.end - span.begin)
 
 
 def _promised(chunk: Chunk) -> int:

@@ -50,10 +50,11 @@ def _print(summary: Summary) -> None:
     begin = datetime.fromtimestamp(found["begin_ns"] * 1e-9, UTC).strftime("%Y-%m-%d %H:%M:%S")
     print(f"{', '.join(found['trains'])}: {found['messages']} messages in {found['span_s']:.1f} s from {begin} UTC")
     print(f"{'train':16} {'stream':18} {'messages':>9} {'per second':>10} {'KiB':>9} {'missing':>8}  units")
-    span_s = max(found["span_s"], 1e-9)
+    span_s = found["span_s"]
     for row in found["streams"]:
-        rate, kib = row["messages"] / span_s, row["bytes"] / 1024
-        head = f"{row['train']:16} {row['stream']:18} {row['messages']:9} {rate:10.1f} {kib:9.0f} {row['missing']:8}"
+        # messages of one moment have no rate
+        rate, kib = f"{row['messages'] / span_s:.1f}" if span_s > 0.0 else "-", row["bytes"] / 1024
+        head = f"{row['train']:16} {row['stream']:18} {row['messages']:9} {rate:>10} {kib:9.0f} {row['missing']:8}"
         print(f"{head}  {_some(row['units'])}".rstrip())
     for sender in found["senders"]:
         if sender["missing"] or sender["repeated"]:

@@ -7,16 +7,18 @@ is for whoever watches. To fuse again there is `milepost rerun`.
 
 from __future__ import annotations
 
+import heapq
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
 import zenoh
 
 from milepost.recorder.incoming import Incoming
-from milepost.recorder.reading import McapReader
+from milepost.recorder.reading import McapReader, following
 from milepost.recorder.rows import place_of, row_of
 
 from .. import zenoh_config
@@ -56,21 +58,21 @@ def replay(files: Sequence[Path], speed: float, connection: Connection, progress
 def _paced(files: Sequence[Path], speed: float, done: Replayed, progress: Callable[[int], None]) -> Iterator[Incoming]:
     """Each message when its time has come: its receipt after the first one's, divided by the speed."""
     first_ns: int | None = None
-    begun_s, before = time.monotonic(), 0
-    for path in files:
-        reader = McapReader(path)
-        for number, message in enumerate(reader.messages()):
-            if first_ns is None:
-                first_ns, begun_s = message.at_ns, time.monotonic()
-            done.span_s = max(done.span_s, (message.at_ns - first_ns) * 1e-9)
-            wait_s = begun_s + (message.at_ns - first_ns) * 1e-9 / speed - time.monotonic()
-            if wait_s > 0.0:
-                time.sleep(wait_s)
-            done.latest_s = max(done.latest_s, -wait_s)
-            yield message
-            if number % PROGRESS_EVERY == 0:
-                progress(before + reader.read_bytes)
-        before += path.stat().st_size
+    begun_s = time.monotonic()
+    trains = [[McapReader(path) for path in group] for group in following(files)]
+    # each train's in the order in which they were written; trains that ran at the same time run so again
+    recorded = (chain.from_iterable(reader.messages() for reader in readers) for readers in trains)
+    for number, message in enumerate(heapq.merge(*recorded, key=lambda message: message.at_ns)):
+        if first_ns is None:
+            first_ns, begun_s = message.at_ns, time.monotonic()
+        done.span_s = max(done.span_s, (message.at_ns - first_ns) * 1e-9)
+        wait_s = begun_s + (message.at_ns - first_ns) * 1e-9 / speed - time.monotonic()
+        if wait_s > 0.0:
+            time.sleep(wait_s)
+        done.latest_s = max(done.latest_s, -wait_s)
+        yield message
+        if number % PROGRESS_EVERY == 0:
+            progress(sum(reader.read_bytes for readers in trains for reader in readers))
 
 
 class _Sender:
