@@ -248,6 +248,33 @@ def test_columns_and_units_are_as_somebody_says(tmp_path: Path, capsys) -> None:
     assert json.loads(capsys.readouterr().out)["unused"] == ["speed", "r"]
 
 
+@pytest.mark.parametrize(("number", "unit"), [(15.0, "m/s"), (54.0, "km/h"), (33.55, "mph"), (29.16, "kn"), (1500.0, "cm/s")])
+def test_a_speed_without_a_unit_has_the_one_that_the_places_show(number: float, unit: str, tmp_path: Path, capsys) -> None:
+    rows = [f"{a.t},{a.lat:.7f},{a.lon:.7f},{number}" for a in ride(5.0)]
+    log = write(tmp_path, ["t,lat,lon,speed", *rows])
+    run_import([log], None, tmp_path / "out", [], [], False, True)
+    (speed,) = [row for row in json.loads(capsys.readouterr().out)["columns"] if row["field"] == "speed"]
+    assert (speed["unit"], speed["found"]) == (unit, f"by name, {unit} as the places show")
+
+
+def test_a_speed_that_no_unit_fits_to_the_places_says_so(tmp_path: Path, capsys) -> None:
+    rows = [f"{a.t},{a.lat:.7f},{a.lon:.7f},5.0" for a in ride(5.0)]
+    log = write(tmp_path, ["t,lat,lon,speed", *rows])
+    run_import([log], None, tmp_path / "out", [], [], False, True)
+    (speed,) = [row for row in json.loads(capsys.readouterr().out)["columns"] if row["field"] == "speed"]
+    assert speed["unit"] == "m/s"
+    assert "the places show 3 m/s for each 1: say --unit speed=UNIT" in speed["found"]
+
+
+def test_a_cell_that_is_no_time_costs_its_row_alone(tmp_path: Path, capsys) -> None:
+    rows = [f"{'###' if i == 7 else a.t},{a.lat:.7f},{a.lon:.7f}" for i, a in enumerate(ride())]
+    said = imported(tmp_path, write(tmp_path, ["t,lat,lon", *rows]), capsys)
+    assert said["left_out"] == {"no time": 1}
+    position_m, _, used = end_of(tmp_path)
+    assert used == {"gnss"}
+    assert position_m == pytest.approx(SPEED_MPS * said["duration_s"], abs=6.0)
+
+
 def test_no_file_is_overwritten_without_being_told_to(tmp_path: Path, capsys) -> None:
     log = write(tmp_path, epoch_seconds())
     imported(tmp_path, log, capsys)

@@ -12,9 +12,10 @@ from milepost.config.importing.files import SCENARIO, TRAIN
 from milepost.config.importing.make import Made, make
 from milepost.config.scenario_file import load_scenario
 from milepost.recordings.importing.clocks import on_the_clock_of
-from milepost.recordings.importing.columns import Column, LogColumns, Said, columns_of, said
+from milepost.recordings.importing.columns import Column, LogColumns, Said, said
 from milepost.recordings.importing.fields import NEEDED
 from milepost.recordings.importing.log_file import LogFile, open_log
+from milepost.recordings.importing.speed_unit import known_columns
 from milepost.recordings.importing.times import ISO
 
 from ..progress import progress_bar
@@ -99,7 +100,7 @@ def _on_one_clock(logs: Sequence[LogFile], told: Said, alone: list[LogColumns]) 
         if all(name in log.header for log in logs[1:]):
             try:
                 common = Said({**told.columns, "time": [name]}, told.units)
-                found = [LogColumns(log, columns_of(log, common)) for log in logs]
+                found = [LogColumns(log, known_columns(log, common)) for log in logs]
             except ValueError:
                 continue  # a column that all have, and that is no time
             return _with_own_clock(found, alone)
@@ -121,7 +122,7 @@ def _with_own_clock(found: list[LogColumns], alone: list[LogColumns]) -> tuple[l
 
 def _columns(log: LogFile, told: Said) -> list[Column]:
     try:
-        return columns_of(log, told)
+        return known_columns(log, told)
     except ValueError as error:
         raise ConfigError(log.path, "", str(error)) from error
 

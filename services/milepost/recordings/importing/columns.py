@@ -12,10 +12,9 @@ from .fields import FIELDS, SEVERAL, WHEELS, Field
 from .log_file import LogFile
 from .names import SPELLINGS, as_unit, unit_in, words_of
 from .solutions import Meaning, meaning_of
-from .times import CLOCK, TimeFormat, time_format
+from .times import CLOCK, FITTING_PART, TimeFormat, time_format
 
-# what part of a column's first cells must be numbers in the field's limits
-FITTING_PART = 0.9
+ASSUMED = ", unit assumed"
 ALIASES = {"lat": "latitude", "lon": "longitude", "altitude": "height", "quality": "solution", "odometer": "wheel"}
 
 
@@ -153,7 +152,7 @@ def _as_column(log: LogFile, field: Field, name: str, told: Said, why: str) -> C
     if not texts or len(fitting) < FITTING_PART * len(numbers):
         return None
     sure = field.name in told.units or named is not None or field.unit == "1" or field.quantity == "angle"
-    return Column(field.name, name, unit, why if sure else f"{why}, unit assumed")
+    return Column(field.name, name, unit, why if sure else f"{why}{ASSUMED}")
 
 
 def _time(log: LogFile, name: str, texts: Sequence[str], named: str | None, why: str) -> Column | None:

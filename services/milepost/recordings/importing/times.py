@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,6 +14,8 @@ from ..units import UNITS
 ISO = "iso8601"
 CLOCK = "hh:mm:ss"
 DAY_S = 86_400.0
+# what part of the first cells of a column must be what it is taken for
+FITTING_PART = 0.9
 TIME_OF_DAY = re.compile(r"(\d{1,2}):(\d{2}):(\d{2}(?:[.,]\d+)?)$")
 # a day first is told from a month first by its dots
 PATTERNS = ("%d.%m.%Y %H:%M:%S", "%Y/%m/%d %H:%M:%S", "%d.%m.%Y", "%Y/%m/%d", "%Y%m%d")
@@ -53,29 +56,34 @@ def time_format(texts: Sequence[str], named: str | None) -> TimeFormat | None:
     """The format of some times, `named` by the column's name where that has a unit; None where they are no times."""
     if not texts:
         return None
-    numbers = _numbers(texts)
-    if numbers is not None:
+    if numbers := _enough([_number(text) for text in texts]):
         unit = next((unit for unit, least in SINCE_1970 if max(numbers) > least), named or "s")
         return TimeFormat(unit)
     for each in (TimeFormat(ISO), TimeFormat(CLOCK), *map(TimeFormat, PATTERNS)):
-        if all(_reads(each, text) for text in texts):
+        if _enough([_read(each, text) for text in texts]):
             return each
     return None
 
 
-def _numbers(texts: Sequence[str]) -> list[float] | None:
+def _enough(times: Sequence[float | None]) -> list[float]:
+    """Those that could be read, if they are nearly all: a cell may be damaged, and its row is left out."""
+    found = [each for each in times if each is not None]
+    return found if len(found) >= FITTING_PART * len(times) else []
+
+
+def _number(text: str) -> float | None:
     try:
-        return [float(text.replace(",", ".")) for text in texts]
+        value = float(text.replace(",", "."))
     except ValueError:
         return None
+    return value if math.isfinite(value) else None
 
 
-def _reads(each: TimeFormat, text: str) -> bool:
+def _read(each: TimeFormat, text: str) -> float | None:
     try:
-        each.seconds(text)
+        return each.seconds(text)
     except ValueError:
-        return False
-    return True
+        return None
 
 
 def _parts(text: str) -> tuple[str, float]:

@@ -1,0 +1,80 @@
+"""The unit of a column of speeds whose name tells none, as the places beside it show."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import islice
+
+from ..units import UNITS
+from .columns import ASSUMED, Column, Said, columns_of
+from .log_file import LogFile
+
+# what vehicles' speeds are written in
+USUAL = ("m/s", "km/h", "mph", "kn", "ft/s", "cm/s", "mm/s")
+# the way is taken in legs that are long beside the noise of fixes, over so much of a log at most
+LEG_M, WAY_M, MOST_ROWS = 20.0, 1000.0, 50_000
+DEGREE_M = 111_200.0
+# a knot is 15 % more than a mile an hour
+NEAR = 0.06
+
+
+def known_columns(log: LogFile, told: Said) -> list[Column]:
+    """The columns of a log that are known. Raises ValueError for one that was named and is not as said."""
+    return as_places_show(log, columns_of(log, told))
+
+
+def as_places_show(log: LogFile, columns: Sequence[Column]) -> list[Column]:
+    """The columns, with the unit of each speed that was assumed as the way between the fixes of the same log shows it."""
+    of = {column.field: column for column in columns}
+    if not {"time", "latitude", "longitude"} <= of.keys():
+        return list(columns)
+    return [_shown(log, column, of) if column.why.endswith(ASSUMED) and _is_speed(column) else column for column in columns]
+
+
+def _is_speed(column: Column) -> bool:
+    return UNITS[column.unit].quantity == "speed"
+
+
+def _shown(log: LogFile, column: Column, of: dict[str, Column]) -> Column:
+    ratio = _metres_by_number(log, column, of)
+    if math.isnan(ratio):
+        return column
+    unit = min(USUAL, key=lambda each: abs(math.log(ratio / UNITS[each].factor)))
+    if abs(math.log(ratio / UNITS[unit].factor)) > NEAR:
+        return replace(column, why=f"{column.why}; the places show {ratio:.2g} m/s for each 1: say --unit {column.field}=UNIT")
+    return replace(column, unit=unit, why=f"{column.why.removesuffix(ASSUMED)}, {unit} as the places show")
+
+
+def _metres_by_number(log: LogFile, column: Column, of: dict[str, Column]) -> float:
+    """The way between fixes in metres, divided by the integral of the numbers over the same time; NaN where there is no way."""
+    time = of["time"]
+    assert time.time is not None
+    names = [*([time.date] if time.date else []), time.name, of["latitude"].name, of["longitude"].name, column.name]
+    way_m = number_s = leg_s = 0.0
+    anchor, before = None, None
+    for _, cells in islice(log.rows(names), MOST_ROWS):
+        *when, latitude, longitude, text = cells
+        at = log.number(latitude) * of["latitude"].factor, log.number(longitude) * of["longitude"].factor
+        speed = log.number(text)
+        try:
+            t_s = time.time.seconds(" ".join(when))
+        except ValueError:
+            continue
+        if math.isnan(speed) or math.isnan(at[0]) or math.isnan(at[1]):
+            continue
+        if before is not None and t_s > before[0]:
+            leg_s += 0.5 * (abs(speed) + before[1]) * (t_s - before[0])
+        before = t_s, abs(speed)
+        anchor = at if anchor is None else anchor
+        if (leg_m := _apart_m(anchor, at)) >= LEG_M:
+            way_m, number_s, leg_s, anchor = way_m + leg_m, number_s + leg_s, 0.0, at
+        if way_m >= WAY_M:
+            break
+    return way_m / number_s if way_m >= 5 * LEG_M and number_s > 0.0 else math.nan
+
+
+def _apart_m(a: tuple[float, float], b: tuple[float, float]) -> float:
+    """The distance of two near places, latitude and longitude in degrees."""
+    return DEGREE_M * math.hypot(b[0] - a[0], (b[1] - a[1]) * math.cos(math.radians(a[0])))
