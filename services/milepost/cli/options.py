@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from milepost.config.errors import ConfigError
 from milepost.config.shipped_files import names_in
 from milepost.runtime.logs.records import FORMAT_VARIABLE, LEVEL_VARIABLE, LogFormat, LogLevel
+from milepost.runtime.zenoh_config import DEFAULT_ENDPOINT
 
 DEFAULT_TRAIN = Path("full")
+# what Zenoh's links are called
+WITH_PORT, WITHOUT_PORT = ("tcp", "tls", "udp", "quic", "ws"), ("unixsock-stream", "unixpipe", "serial", "vsock")
 DISTRIBUTIONS = ("milepost", "milepost-schemas")
 
 
@@ -49,6 +54,16 @@ def complete_campaign(incomplete: str) -> list[str]:
     return _complete("campaigns", incomplete)
 
 
+def endpoints(given: list[str] | None) -> list[str] | None:
+    """Endpoints as they are given. Raises ConfigError for what is none: to look for a router there would end in `no router`."""
+    for each in given or ():
+        protocol, _, address = each.partition("/")
+        whole = re.match(r".+:\d+", address) if protocol in WITH_PORT else address if protocol in WITHOUT_PORT else None
+        if not whole:
+            raise ConfigError("--connect", "", f"{each!r} is not an endpoint such as {DEFAULT_ENDPOINT}")
+    return given
+
+
 TrainOption = Annotated[
     Path,
     typer.Option(
@@ -61,7 +76,10 @@ TrainOption = Annotated[
 ConnectOption = Annotated[
     list[str],
     typer.Option(
-        "--connect", envvar="MILEPOST_CONNECT", help="Endpoint of the router. Repeat the option to name others for failover."
+        "--connect",
+        envvar="MILEPOST_CONNECT",
+        callback=endpoints,
+        help="Endpoint of the router. Repeat the option to name others for failover.",
     ),
 ]
 ZenohConfigOption = Annotated[

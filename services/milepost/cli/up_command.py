@@ -20,6 +20,7 @@ from .options import (
     StateDirOption,
     complete_fleet,
     complete_train,
+    endpoints,
 )
 
 
@@ -61,7 +62,9 @@ def up(
     connect: Annotated[
         list[str],
         typer.Option(
-            "--connect", help="Start no router: join the one at this endpoint. Repeat the option to name others for failover."
+            "--connect",
+            callback=endpoints,
+            help="Start no router: join the one at this endpoint. Repeat the option to name others for failover.",
         ),
     ] = [],  # noqa: B006
     external: Annotated[
