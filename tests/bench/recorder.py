@@ -35,8 +35,8 @@ def measure_recorder(rate_hz: float, for_s: float) -> dict[str, float]:
     """Messages sent and missing, the recorder's load in cores, and bytes written for a second."""
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     with tempfile.TemporaryDirectory(prefix="milepost-bench-") as folder:
-        router = _milepost("run", "router", "--listen", endpoint)
-        recorder = _milepost(
+        router = milepost("run", "router", "--listen", endpoint)
+        recorder = milepost(
             "run", "recorder", "--train", TRAIN, "--record", folder, "--connect", endpoint, "--least-free-mib", "0"
         )
         try:
@@ -67,7 +67,7 @@ def _send(endpoint: str, rate_hz: float, for_s: float, recorder: psutil.Process)
         while not any(token.unit == "recorder" for token in live_tokens(session, train.name)):
             time.sleep(0.05)
         bus = ZenohBus(session, train.name)
-        bodies = {row: _body(row, train.name) for row, _ in STREAMS}
+        bodies = {row: body(row, train.name) for row, _ in STREAMS}
         before, begun, sent = sum(recorder.cpu_times()[:2]), time.monotonic(), 0
         while (spent_s := time.monotonic() - begun) < for_s:
             while sent < int(spent_s * rate_hz):
@@ -80,7 +80,7 @@ def _send(endpoint: str, rate_hz: float, for_s: float, recorder: psutil.Process)
         return sent, sum(recorder.cpu_times()[:2]) - before
 
 
-def _body(row: str, train: str) -> Message:
+def body(row: str, train: str) -> Message:
     sys.path.insert(0, str(Path(__file__).parents[1]))
     from examples import EXAMPLES
 
@@ -89,7 +89,7 @@ def _body(row: str, train: str) -> Message:
     return EXAMPLES[row][0].model_copy(update=head)
 
 
-def _milepost(*words: str) -> subprocess.Popen[bytes]:
+def milepost(*words: str) -> subprocess.Popen[bytes]:
     return subprocess.Popen([sys.executable, "-m", "milepost", *words, "--parent", str(os.getpid())])
 
 

@@ -48,8 +48,13 @@ class History:
 
 
 def seconds_asked_for(parameters: str) -> float | None:
-    """The value of `seconds` in a selector's parameters, as in `a=1;seconds=60`; None without. Raises BadQuestionError."""
-    found = dict(word.partition("=")[::2] for word in parameters.split(";") if word)
+    """The value of `seconds` in a selector's parameters, as in `seconds=60`; None without. Raises BadQuestionError.
+
+    Zenoh's own parameters begin with an underline.
+    """
+    found = dict(word.partition("=")[::2] for word in parameters.split(";") if word and not word.startswith("_"))
+    if unknown := found.keys() - {"seconds"}:
+        raise BadQuestionError(f"{min(unknown)}: no such parameter; there is seconds: how far back")
     said = found.get("seconds")
     if said is None:
         return None
