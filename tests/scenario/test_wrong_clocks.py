@@ -59,6 +59,20 @@ def test_a_fuser_whose_clock_is_right_again_may_lead_again() -> None:
     assert pair.speakers[-1] == "fuser"
 
 
+def test_messages_that_are_late_for_a_moment_are_no_wrong_clock() -> None:
+    """GIVEN a busy machine WHEN all that both hear comes late for half a second THEN nobody is told to set a clock."""
+    pair = Pair(WrongClock)
+    pair.until(HAPPENS_S)
+    for unit in pair.fusers:
+        misled(pair, unit, 0.3, HAPPENS_S)
+    pair.until(HAPPENS_S + 0.5)
+    for unit in pair.fusers:
+        misled(pair, unit, 0.0, HAPPENS_S + 0.5)
+    pair.until(END_S)
+    assert [codes(pair, unit) for unit in pair.fusers] == [[], []]
+    assert max(b - a for (_, a), (_, b) in pairwise(pair.states)) <= 0.5e9
+
+
 def test_where_all_messages_are_late_one_speaks_all_the_same() -> None:
     """Both fusers are cut off by the same slow link: neither can tell it from a clock that is ahead."""
     pair = Pair(WrongClock)

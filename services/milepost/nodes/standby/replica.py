@@ -22,6 +22,8 @@ LISTENS_NS = 500_000_000
 KEPT_OUTPUTS = 1000
 # who cannot trust its clock leaves the others so much longer to speak
 MISLED_NS = 200_000_000
+# a machine that is busy for a moment delays all that is heard; a clock that is wrong stays so
+TOLD_AFTER_NS = 1_000_000_000
 
 
 class Lead:
@@ -125,6 +127,7 @@ class ReplicaNode(Around):
         self.peers = [name for name in replicas if name != inner.unit]
         self._lead = Lead(inner.unit, replicas, period_ns, deadline_ns)
         self._clock = OwnClock()
+        self._misled_ns, self._told = 0, False
         self._held: list[Output] = []
         self._said_ns = 0
         self._units = 0
@@ -154,18 +157,21 @@ class ReplicaNode(Around):
         yield from self._passed(self.inner.tick(now_ns), now_ns)
 
     def _timed(self, now_ns: int) -> Iterator[Output]:
-        """Look whether this replica's clock is right; says so where that has changed."""
+        """Look whether this replica's clock is right; says so where it stays wrong, and where it is right again."""
         ahead_ns = self._clock.ahead_ns(now_ns)
-        if not self._lead.timed(ahead_ns, now_ns):
-            return
-        # what it had to say by another time is not about these epochs
-        self._held.clear()
+        if self._lead.timed(ahead_ns, now_ns):
+            # what it had to say by another time is not about these epochs
+            self._held.clear()
+            self._misled_ns = now_ns
         if not self._lead.misled:
-            yield self.event("info", "clock_right", f"{self.unit}: its clock is right again, and it may lead", now_ns)
-            return
-        off = f"{abs(ahead_ns) * 1e-9:.2f} s {'ahead of' if ahead_ns > 0 else 'behind'}"
-        text = f"{self.unit}: its clock is {off} most others', or all that it hears comes late: it does not lead"
-        yield self.event("error", "clock_wrong", text, now_ns)
+            if self._told:
+                self._told = False
+                yield self.event("info", "clock_right", f"{self.unit}: its clock is right again, and it may lead", now_ns)
+        elif not self._told and now_ns - self._misled_ns >= TOLD_AFTER_NS:
+            self._told = True
+            off = f"{abs(ahead_ns) * 1e-9:.2f} s {'ahead of' if ahead_ns > 0 else 'behind'}"
+            text = f"{self.unit}: its clock is {off} most others', or all that it hears comes late: it does not lead"
+            yield self.event("error", "clock_wrong", text, now_ns)
 
     def _passed(self, outputs: Iterable[Output], now_ns: int) -> Iterator[Output]:
         for output in outputs:
