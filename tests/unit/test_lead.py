@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 from milepost.nodes.standby.replica import Lead
 from milepost_schemas import FusedState, SensorInUse
 
@@ -25,6 +27,31 @@ def test_one_that_has_just_begun_listens_first() -> None:
     """The other's token may not have come yet."""
     new = lead("fuser", other_alive=False)
     assert [new.takes_over(t * MS) for t in (0, 59, 60)] == [False, False, True]
+
+
+def test_of_two_that_are_stopped_again_and_again_one_speaks_all_the_same() -> None:
+    """GIVEN a machine so busy that each is away for more than the lease, over and over, THEN the train does not fall silent."""
+    pair = [lead("fuser"), lead("fuser-2")]
+    spoken = []
+    for t in range(0, 30_000, 600):
+        for each in pair:
+            each.awake(t * MS)
+            each.publishes((t - 1000) * MS, t * MS)
+            if each.takes_over(t * MS):
+                spoken.append(t)
+    assert max(b - a for a, b in pairwise([0, *spoken, 30_000])) <= 6000
+
+
+def test_one_that_was_stopped_once_hears_first_whether_another_one_speaks() -> None:
+    """However long it was stopped, the time does not count as one in which nobody spoke."""
+    old = lead("fuser")
+    old.leads = True
+    for t in range(0, 100, 20):
+        old.awake(t * MS)
+        old.publishes((t - 10) * MS, t * MS)
+    for t in range(60_000, 62_000, 20):
+        old.awake(t * MS)
+        assert not old.takes_over(t * MS)
 
 
 def test_at_the_start_the_first_in_the_list_waits_three_epochs_and_the_second_four() -> None:

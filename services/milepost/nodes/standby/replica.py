@@ -16,6 +16,8 @@ SILENT_EPOCHS = 3
 # a replica that was stopped for longer than this has lost its connection: until it has another it hears nobody, whoever speaks
 LEASE_NS = 500_000_000
 RECONNECTS_NS = 2_000_000_000
+# where nobody has spoken for so long, one that may be deaf speaks all the same; a stop counts as a lease at most
+NOBODY_NS = 4_000_000_000
 # a busy machine takes so long from the first token to the first state that is heard
 LISTENS_NS = 500_000_000
 # a standby that hears of no leader, and may not lead, keeps no more than this
@@ -32,7 +34,7 @@ class Lead:
     Of two that speak at once the one with fewer units in use gives way, between equals the later in the list. A replica that
     is late by three epochs gives way by itself: another one may speak for it already. So one that comes back stays silent. One
     that was stopped for so long that it has lost its connection is told that nobody else is there, and does not believe it at
-    once.
+    once: only where nobody has spoken for long, as on a machine so busy that all are stopped over and over.
     """
 
     def __init__(self, unit: str, replicas: Sequence[str], period_ns: int, deadline_ns: int) -> None:
@@ -44,6 +46,8 @@ class Lead:
         self._silence_ns = (SILENT_EPOCHS + self._own) * period_ns
         self._late_ns = SILENT_EPOCHS * period_ns + deadline_ns
         self._heard_ns: int | None = None
+        # the last state of any replica, later by the time of stops
+        self._spoken_ns: int | None = None
         self._awake_ns: int | None = None
         self._deaf_until_ns = 0
         self._connected_again = False
@@ -59,7 +63,7 @@ class Lead:
 
     def spoke(self, other: FusedState, units: int, now_ns: int) -> None:
         """Another replica has published a state; this one has so many units in use."""
-        self._heard_ns = now_ns
+        self._heard_ns = self._spoken_ns = now_ns
         if self.misled:
             self.leads = False
             return
@@ -80,6 +84,8 @@ class Lead:
         if stopped_ns > LEASE_NS:
             self.leads, self._connected_again = False, False
             self._heard_ns, self._deaf_until_ns = now_ns, now_ns + RECONNECTS_NS
+            if self._spoken_ns is not None:
+                self._spoken_ns += stopped_ns - LEASE_NS
         elif stopped_ns > self._late_ns:
             self._gives_way(now_ns)
 
@@ -95,6 +101,8 @@ class Lead:
 
     def publishes(self, epoch_ns: int, now_ns: int) -> None:
         """This replica has something to say of an epoch."""
+        if self.leads:
+            self._spoken_ns = now_ns
         if now_ns - epoch_ns > self._late_ns:
             self._gives_way(now_ns)
 
@@ -110,12 +118,17 @@ class Lead:
         if self._connected_again:
             # whether another one speaks is heard from now on
             self._connected_again, self._deaf_until_ns = False, now_ns + LISTENS_NS
-        if now_ns < self._deaf_until_ns:
+        if self._spoken_ns is None:
+            self._spoken_ns = now_ns
+        nobody_speaks = now_ns - self._spoken_ns >= NOBODY_NS
+        if now_ns < self._deaf_until_ns and not nobody_speaks:
             return False
         if self._heard_ns is None:
             self._heard_ns = now_ns
         silence_ns = self._silence_ns + (MISLED_NS if self.misled else 0)
-        self.leads = self.leads or self._left_alone or now_ns - self._heard_ns >= silence_ns
+        self.leads = self.leads or self._left_alone or nobody_speaks or now_ns - self._heard_ns >= silence_ns
+        if self.leads:
+            self._spoken_ns = now_ns
         return self.leads
 
 
