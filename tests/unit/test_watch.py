@@ -87,6 +87,12 @@ def test_several_trains_are_rows_of_one_table_in_the_order_of_their_names() -> N
     assert [line.split()[0] for line in screen.lines()] == ["a-late-one", "maglev-1"]
 
 
+def test_a_train_that_has_fallen_silent_is_no_line_as_if_it_spoke() -> None:
+    screen, state = Screen(), EXAMPLES["state"][0]
+    screen.receive("", state, time.time_ns() - 7_000_000_000)
+    assert screen.lines() == [f"{state.train} stale: no state for 7 s, last at {state.position_m:.2f} m"]
+
+
 def test_units_that_contradict_each_other_are_shown_as_doubted() -> None:
     state = EXAMPLES["state"][0]
     assert "radar" in state.doubted

@@ -94,9 +94,7 @@ class Screen:
 
     def lines(self) -> list[str]:
         """The same in few words, for where there is no terminal."""
-        states = [state for _, (state, _) in sorted(self.states.items())]
-        lines = [f"{s.train} {s.status} {s.position_m:.2f} m {s.speed_mps * 3.6:.2f} km/h" for s in states]
-        return [*lines, *self.second_instances()]
+        return [*(_line(*state) for _, state in sorted(self.states.items())), *self.second_instances()]
 
     def _waiting(self) -> str:
         missing = self.arrivals.missing if self.arrivals else []
@@ -162,11 +160,22 @@ class Screen:
         return table
 
 
+def _line(state: FusedState, received_ns: int) -> str:
+    if stale := _stale(received_ns):
+        return f"{state.train} {stale}, last at {state.position_m:.2f} m"
+    return f"{state.train} {state.status} {state.position_m:.2f} m {state.speed_mps * 3.6:.2f} km/h"
+
+
 def _status(state: FusedState, received_ns: int) -> Text:
-    age_s = (time.time_ns() - received_ns) * 1e-9
-    if age_s > STALE_S:
-        return Text(f"stale: no state for {age_s:.0f} s", style="red")
+    if stale := _stale(received_ns):
+        return Text(stale, style="red")
     return Text(state.status, style=STYLES[state.status])
+
+
+def _stale(received_ns: int) -> str:
+    """That a state is old, in words; empty where it is not."""
+    age_s = (time.time_ns() - received_ns) * 1e-9
+    return f"stale: no state for {age_s:.0f} s" if age_s > STALE_S else ""
 
 
 def _rate(health: Health) -> Text:
