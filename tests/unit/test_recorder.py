@@ -187,7 +187,7 @@ class TestACutOffFile:
         assert len(list(McapReader(path).messages())) <= 30
         Summary().read([path])
 
-    def test_one_flipped_byte_of_a_finished_file_loses_no_message_unsaid(self, tmp_path: Path, three_chunks: bytes) -> None:
+    def test_one_flipped_byte_of_a_finished_file_loses_no_message_unsaid(self, tmp_path: Path) -> None:
         """GIVEN a finished file, WHEN any of its bytes is another, THEN all messages are read, or it says what is damaged."""
         made = RecordingFile(tmp_path / "whole.mcap")
         for chunk in range(3):
