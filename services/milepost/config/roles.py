@@ -138,7 +138,7 @@ def _fuser(train: Train, unit: str, setting: Setting) -> Node:
 def _one_of_several(node: Node, train: Train, settings: FuserSettings) -> Node:
     replicas = ROLES["fuser"].instances(train)
     if train.file.fusion.voting is not None:
-        return CandidateNode(node, _tolerance(train.file.fusion.voting))
+        return CandidateNode(node, _tolerance(train.file.fusion.voting), settings.period_ns)
     return node if len(replicas) == 1 else ReplicaNode(node, replicas, settings.period_ns, settings.deadline_ns)
 
 

@@ -10,8 +10,8 @@ from milepost_schemas import Candidate, Feedback, FusedState, Message
 
 from .agreement import Tolerance, feedback_difference, not_heard, state_difference
 
-# a fuser that contradicts so many voted feedbacks in a row begins again from the last one; the next time after twice as many
-PATIENCE, LONGEST_PATIENCE = 50, 3000
+# a fuser that contradicts what is voted for so long begins again from the last feedback; the next time after twice as long
+PATIENCE_NS, LONGEST_PATIENCE_NS = 1_000_000_000, 60_000_000_000
 KEPT = 64
 
 
@@ -26,7 +26,7 @@ class CandidateNode(Around):
     hand_over = Node.hand_over
     take_over = Node.take_over
 
-    def __init__(self, inner: Node, tolerance: Tolerance) -> None:
+    def __init__(self, inner: Node, tolerance: Tolerance, period_ns: int) -> None:
         super().__init__(inner, Subscription("state", newest_only=True), Subscription("feedback", newest_only=True))
         self._tolerance = tolerance
         self._own: dict[int, Candidate] = {}
@@ -34,8 +34,10 @@ class CandidateNode(Around):
         self._differs: str | None = None
         self._same_heard = True
         self._broken = ""
-        self._contradicted = 0
-        self._patience = PATIENCE
+        # by the epochs in which it was compared
+        self._period_ns = period_ns
+        self._contradicted_ns = 0
+        self._patience_ns = PATIENCE_NS
         # one instance has one numbering
         self._sequences = inner._sequences
 
@@ -108,12 +110,15 @@ class CandidateNode(Around):
             return
         how = self._differs or feedback_difference(own.feedback, voted, self._tolerance, self._same_heard)
         if how is None:
-            self._contradicted, self._patience = 0, PATIENCE
+            # two that have not heard the same are compared so widely that it is no sign of being right
+            if self._same_heard:
+                self._contradicted_ns, self._patience_ns = 0, PATIENCE_NS
             return
-        self._contradicted += 1
-        if self._contradicted >= self._patience and self.inner.catch_up(voted, now_ns):
+        self._contradicted_ns += self._period_ns
+        if self._contradicted_ns >= self._patience_ns and self.inner.catch_up(voted, now_ns):
             yield self._again(f"it contradicts that ({how})", now_ns)
 
     def _again(self, why: str, now_ns: int) -> Output:
-        self._broken, self._contradicted, self._patience = "", 0, min(2 * self._patience, LONGEST_PATIENCE)
+        self._broken, self._contradicted_ns = "", 0
+        self._patience_ns = min(2 * self._patience_ns, LONGEST_PATIENCE_NS)
         return self.event("warning", "fuser_began_again", f"{self.unit}: begins again from what was voted: {why}", now_ns)
