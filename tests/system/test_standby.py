@@ -10,17 +10,22 @@ from itertools import pairwise
 import pytest
 
 from conftest import Outside, Stack, free_port, running
+from lighter import PERIOD_MS, lighter
 
-FULL = "deploy/trains/full.yaml"
 STATE = "milepost/v1/full-1/state"
-# four epochs and the deadline are 95 ms; a busy machine adds its own stalls. One fuser alone: 1.8 s
-LONGEST_GAP_S = 0.5
+# four epochs and the deadline are 255 ms; a busy machine adds its own stalls. One fuser alone: 1.8 s
+LONGEST_GAP_S = 1.0
 
 
 @pytest.fixture(scope="module")
-def full():
-    with running(FULL, STATE, "--listen", f"tcp/127.0.0.1:{free_port()}") as train:
+def full(tmp_path_factory):
+    file = lighter("full", tmp_path_factory.mktemp("train"))
+    with running(str(file), STATE, "--listen", f"tcp/127.0.0.1:{free_port()}") as train:
         yield train
+
+
+def epochs_of(seconds: float) -> int:
+    return round(seconds * 1000 / PERIOD_MS)
 
 
 def leader(outside: Outside) -> str:
@@ -47,11 +52,11 @@ def test_the_standby_continues(full, how: str) -> None:
     os.kill(pid, signal.SIGKILL if how == "killed" else signal.SIGSTOP)
     try:
         new = outside.wait_state(STATE, lambda m: m["unit"] != old, 10.0, "a state of the standby")
-        outside.wait_state(STATE, lambda m: m["epoch"] > new["epoch"] + 100, 10.0, "two seconds more")
+        outside.wait_state(STATE, lambda m: m["epoch"] > new["epoch"] + epochs_of(2.0), 10.0, "two seconds more")
     finally:
         if how == "stopped":
             os.kill(pid, signal.SIGCONT)
-    outside.wait_state(STATE, lambda m: m["epoch"] > new["epoch"] + 250, 10.0, "three seconds with both")
+    outside.wait_state(STATE, lambda m: m["epoch"] > new["epoch"] + epochs_of(5.0), 10.0, "three seconds with both")
 
     seen = outside.heard[STATE][begun:]
     epochs = [message["epoch"] for _, message in seen]
@@ -60,13 +65,13 @@ def test_the_standby_continues(full, how: str) -> None:
     assert epochs == sorted(epochs)
     assert {message["status"] for _, message in seen} == {"normal"}
     assert max(b - a for (a, _), (b, _) in pairwise(seen)) / 1e9 < LONGEST_GAP_S
-    assert {message["unit"] for _, message in seen[-100:]} == {new["unit"]}, "the one that comes back stands by"
+    assert {message["unit"] for _, message in seen[-epochs_of(2.0) :]} == {new["unit"]}, "the one that comes back stands by"
     steps = [b["position_m"] - a["position_m"] for (_, a), (_, b) in pairwise(seen)]
-    assert max(steps) - min(steps) < 0.1
+    assert max(steps) - min(steps) < 0.3
 
 
 # the lease is 0.5 s and a router that says nothing is given up after 0.3 s; one router alone: 1.8 s and 2.3 s
-@pytest.mark.parametrize(("how", "longest_s"), [("killed", 0.5), ("stopped", 1.5)])
+@pytest.mark.parametrize(("how", "longest_s"), [("killed", LONGEST_GAP_S), ("stopped", 1.5)])
 def test_everybody_goes_on_with_the_other_router(full, how: str, longest_s: float) -> None:
     stack, outside = full
     outside.wait_state(STATE, lambda m: m["status"] == "normal", 20.0, "a normal state")
@@ -75,7 +80,7 @@ def test_everybody_goes_on_with_the_other_router(full, how: str, longest_s: floa
     os.kill(pid, signal.SIGKILL if how == "killed" else signal.SIGSTOP)
     try:
         first = outside.newest(STATE)["epoch"]
-        outside.wait_state(STATE, lambda m: m["epoch"] > first + 150, 10.0, "three seconds more")
+        outside.wait_state(STATE, lambda m: m["epoch"] > first + epochs_of(3.0), 10.0, "three seconds more")
     finally:
         if how == "stopped":
             os.kill(pid, signal.SIGCONT)
@@ -97,7 +102,7 @@ def test_a_world_that_is_killed_comes_back_and_the_truth_goes_on(full) -> None:
     os.kill(stack.pid_of("world"), signal.SIGKILL)
     outside.wait_for(lambda: outside.newest(truth)["instance"] != old["instance"], 20.0, "the truth of another world")
     first = next(m for m in outside.messages(truth) if m["instance"] != old["instance"])
-    outside.wait_for(lambda: len(outside.messages(STATE)) > begun + 400, 20.0, "eight seconds of states")
+    outside.wait_for(lambda: len(outside.messages(STATE)) > begun + epochs_of(8.0), 20.0, "eight seconds of states")
     away_s = (first["measured_at_ns"] - old["measured_at_ns"]) / 1e9
     assert 0.0 < away_s < 5.0
     # the train has gone on meanwhile, as its sensors say

@@ -10,6 +10,7 @@ import sys
 import pytest
 
 from conftest import Outside, Stack, running
+from lighter import PERIOD_MS, lighter
 
 TRAIN = "full-2oo3"
 LOST_EPOCHS = 5
@@ -17,8 +18,8 @@ STATE, EVENT, TRUTH = (f"milepost/v1/{TRAIN}/{key}" for key in ("state", "event"
 
 
 @pytest.fixture(scope="module")
-def voted():
-    with running(f"deploy/trains/{TRAIN}.yaml", STATE) as train:
+def voted(tmp_path_factory):
+    with running(str(lighter(TRAIN, tmp_path_factory.mktemp("train"))), STATE) as train:
         yield train
 
 
@@ -70,8 +71,8 @@ def test_a_corrupted_fuser_is_named_and_leaves_no_trace(voted: tuple[Stack, Outs
     assert done.returncode == 0, done.stderr
     named = outside.wait_for(lambda: told(outside, events, "fuser_outvoted", "fuser-2"), 5.0, "the corrupted fuser is named")
     injected = next(m for m in outside.messages(EVENT)[events:] if m["code"] == "fault_injected")
-    # three epochs decide, and one that is late waits 100 ms; a busy machine adds its own stalls
-    assert (named["measured_at_ns"] - injected["measured_at_ns"]) * 1e-9 < 0.3  # type: ignore[index]
+    # three epochs of 60 ms decide, and one that is late waits 100 ms; a busy machine adds its own stalls
+    assert (named["measured_at_ns"] - injected["measured_at_ns"]) * 1e-9 < 1.0  # type: ignore[index]
     seen = outside.messages(STATE)[first:]
     assert none_twice_and_hardly_one_missing(seen)
     all_vote(outside, events, "fuser-2")
@@ -85,7 +86,7 @@ def test_a_killed_voter_comes_back_and_repeats_nothing(voted: tuple[Stack, Outsi
     old = outside.newest(STATE)
     os.kill(stack.pid_of("voter"), signal.SIGKILL)
     outside.wait_state(STATE, lambda m: m["instance"] != old["instance"], 20.0, "a state of the next voter")
-    outside.wait_state(STATE, lambda m: m["epoch"] > old["epoch"] + 150, 20.0, "some seconds of states")
+    outside.wait_state(STATE, lambda m: m["epoch"] > old["epoch"] + 3000 // PERIOD_MS, 20.0, "some seconds of states")
     seen = outside.messages(STATE)[first:]
     epochs = [m["epoch"] for m in seen]
     assert epochs == sorted(set(epochs))
