@@ -88,3 +88,25 @@ def test_a_forged_start_of_scenario_time_moves_no_restarted_sensor(maglev: tuple
     now = outside.newest(reading)
     assert abs(now["measured_at_ns"] - time.time_ns()) < 1_000_000_000
     assert now["speed_mps"] == pytest.approx(outside.newest(STATE)["speed_mps"], abs=2.0)
+
+
+def test_a_stranger_who_takes_all_questions_and_answers_none_keeps_no_answer_away(maglev: tuple[Stack, Outside]) -> None:
+    """A queryable that calls itself complete: Zenoh asks such a one alone, unless all are asked for."""
+    stack, outside = maglev
+    outside.wait_state(STATE, lambda m: m["status"] == "normal", 20.0, "a normal state")
+    asked: list[str] = []
+
+    def ignore(query):
+        with query:
+            asked.append(str(query.selector))
+
+    queryable = outside.session.declare_queryable(f"{TOP}/@rpc/**", ignore, complete=True)
+    try:
+        old = outside.newest(STATE)["instance"]
+        os.kill(stack.pid_of("fuser"), signal.SIGKILL)
+        new = outside.wait_state(STATE, lambda m: m["instance"] != old, 20.0, "a state of the new fuser")
+    finally:
+        queryable.undeclare()
+    assert asked
+    assert position_off_m(outside, new) == 0.0, "it begins with its prior, not with what the train remembers"
+    outside.wait_state(STATE, lambda m: m["status"] == "normal", 20.0, "normal again")

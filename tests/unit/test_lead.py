@@ -1,10 +1,10 @@
-"""Which of two fusers speaks, by hand: epochs of 20 ms, a deadline of 15 ms."""
+"""Which of two fusers speaks, by hand: epochs of 20 ms, a deadline of 15 ms; a leader is silent after 100 ms."""
 
 from __future__ import annotations
 
 from itertools import pairwise
 
-from milepost.nodes.standby.replica import Lead
+from milepost.nodes.standby.lead import Lead
 from milepost_schemas import FusedState, SensorInUse
 
 MS = 1_000_000
@@ -20,13 +20,14 @@ def lead(unit: str, other_alive: bool = True) -> Lead:
 
 def state(unit: str, epoch_ms: int, units: int = 2) -> FusedState:
     sensors = [SensorInUse(unit=f"u{n}", share=1.0 / units, age_s=0.0) for n in range(units)]
-    return FusedState.model_construct(unit=unit, measured_at_ns=epoch_ms * MS, sensors=sensors)
+    at = {"measured_at_ns": epoch_ms * MS, "published_at_ns": (epoch_ms + 5) * MS}
+    return FusedState.model_construct(unit=unit, **at, sensors=sensors)
 
 
 def test_one_that_has_just_begun_listens_first() -> None:
     """The other's token may not have come yet."""
     new = lead("fuser", other_alive=False)
-    assert [new.takes_over(t * MS) for t in (0, 59, 60)] == [False, False, True]
+    assert [new.takes_over(t * MS) for t in (0, 99, 100)] == [False, False, True]
 
 
 def test_of_two_that_are_stopped_again_and_again_one_speaks_all_the_same() -> None:
@@ -35,7 +36,7 @@ def test_of_two_that_are_stopped_again_and_again_one_speaks_all_the_same() -> No
     spoken = []
     for t in range(0, 30_000, 600):
         for each in pair:
-            each.awake(t * MS)
+            each.awake(t * MS, 600 * MS)
             each.publishes((t - 1000) * MS, t * MS)
             if each.takes_over(t * MS):
                 spoken.append(t)
@@ -50,14 +51,20 @@ def test_one_that_was_stopped_once_hears_first_whether_another_one_speaks() -> N
         old.awake(t * MS)
         old.publishes((t - 10) * MS, t * MS)
     for t in range(60_000, 62_000, 20):
-        old.awake(t * MS)
+        old.awake(t * MS, 59_920 * MS if t == 60_000 else 20 * MS)
         assert not old.takes_over(t * MS)
 
 
-def test_at_the_start_the_first_in_the_list_waits_three_epochs_and_the_second_four() -> None:
+def test_at_the_start_the_second_in_the_list_waits_an_epoch_more_than_the_first() -> None:
     first, second = lead("fuser"), lead("fuser-2")
-    assert [first.takes_over(t * MS) for t in (0, 59, 60)] == [False, False, True]
-    assert [second.takes_over(t * MS) for t in (0, 79, 80)] == [False, False, True]
+    assert [first.takes_over(t * MS) for t in (0, 99, 100)] == [False, False, True]
+    assert [second.takes_over(t * MS) for t in (0, 119, 120)] == [False, False, True]
+
+
+def test_with_long_epochs_three_of_them_are_silence() -> None:
+    slow = Lead("fuser", NAMES, 100 * MS, 15 * MS)
+    slow.alive("fuser-2", True)
+    assert [slow.takes_over(t * MS) for t in (0, 299, 300)] == [False, False, True]
 
 
 def test_a_standby_that_hears_the_leader_does_not_lead() -> None:
@@ -67,10 +74,31 @@ def test_a_standby_that_hears_the_leader_does_not_lead() -> None:
         assert not standby.takes_over((t + 19) * MS)
 
 
-def test_a_standby_leads_four_epochs_after_the_last_state_of_the_leader() -> None:
+def test_a_standby_leads_where_others_are_heard_for_so_long_after_the_leader() -> None:
     standby = lead("fuser-2")
     standby.spoke(state("fuser", 100), 2, 105 * MS)
-    assert [standby.takes_over(t * MS) for t in (184, 185)] == [False, True]
+    found = []
+    for t in (224, 225):
+        standby.heard(t * MS)
+        found.append(standby.takes_over(t * MS))
+    assert found == [False, True]
+
+
+def test_where_nobody_at_all_is_heard_the_leader_is_not_the_one_that_is_silent() -> None:
+    """As where the router was stopped: what the leader said comes with all the rest. Half a second decides."""
+    standby = lead("fuser-2")
+    standby.spoke(state("fuser", 100), 2, 105 * MS)
+    standby.heard(110 * MS)
+    assert [standby.takes_over(t * MS) for t in (225, 400, 609, 610)] == [False, False, False, True]
+
+
+def test_what_a_standby_has_not_read_yet_is_no_silence() -> None:
+    """Its own inbox was full: the leader may have spoken since."""
+    standby = lead("fuser-2")
+    standby.spoke(state("fuser", 100), 2, 105 * MS)
+    standby.heard(300 * MS)
+    assert not standby.takes_over(300 * MS, behind_ns=80 * MS)
+    assert standby.takes_over(300 * MS, behind_ns=70 * MS)
 
 
 def test_a_standby_leads_at_once_where_the_leader_has_ended() -> None:
@@ -90,27 +118,25 @@ def test_other_processes_may_come_and_go() -> None:
 
 def leading(unit: str) -> Lead:
     out = lead(unit, other_alive=False)
-    assert [out.takes_over(t * MS) for t in (0, 80)][-1]
+    assert [out.takes_over(t * MS) for t in (0, 120)][-1]
     out.alive(NAMES[1 - NAMES.index(unit)], True)
     return out
 
 
 def test_a_leader_that_was_stopped_gives_way_until_nobody_else_speaks() -> None:
-    """Three epochs and the deadline, 75 ms, without a step: another one may speak already."""
+    """70 ms without a step: another one may speak soon. It listens for 100 ms from when it is sure to be awake."""
     old = leading("fuser")
-    old.awake(1000 * MS)
-    old.awake(1075 * MS)
+    old.awake(1070 * MS, 70 * MS)
     assert old.leads
-    old.awake(1151 * MS)
+    old.awake(1141 * MS, 71 * MS)
     assert not old.leads
-    assert [old.takes_over(t * MS) for t in (1151, 1210, 1211)] == [False, False, True]
+    assert [old.takes_over(t * MS) for t in (1141, 1311, 1312)] == [False, False, True]
 
 
 def woken(unit: str) -> Lead:
     """A leader that was stopped for two seconds, and is told that nobody else is there: its connection is lost."""
     out = leading(unit)
-    out.awake(1000 * MS)
-    out.awake(3000 * MS)
+    out.awake(3000 * MS, 2000 * MS)
     out.alive(NAMES[1 - NAMES.index(unit)], False)
     return out
 
@@ -148,7 +174,7 @@ def test_a_leader_that_is_late_with_an_epoch_gives_way() -> None:
 
 def test_alone_a_late_one_goes_on() -> None:
     alone = lead("fuser", other_alive=False)
-    assert [alone.takes_over(t * MS) for t in (0, 60)][-1]
+    assert [alone.takes_over(t * MS) for t in (0, 100)][-1]
     alone.publishes(1000 * MS, 2000 * MS)
     assert alone.leads
 

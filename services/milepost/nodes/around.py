@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Sequence
 
 from milepost_schemas import Feedback, Message, SnapshotPart
 
-from .base import Node, Output, Subscription
+from .base import Lateness, Node, Output, Subscription
 
 
 class Around(Node):
@@ -21,6 +21,11 @@ class Around(Node):
         self.refusals = inner.refusals
         self.peers = inner.peers
         self.subscriptions = [*inner.subscriptions, *more]
+
+    def keep_time(self, lateness: Lateness) -> None:
+        """The fuser's lateness is this one's."""
+        super().keep_time(lateness)
+        self.inner.keep_time(lateness)
 
     @property
     def rewinds(self) -> int:

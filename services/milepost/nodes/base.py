@@ -44,6 +44,17 @@ class Refusals:
         return before == 0
 
 
+class Lateness:
+    """How late a step or tick is: not at all, where nobody says otherwise."""
+
+    # for how long the message that is taken had waited
+    waited_ns = 0
+
+    def spent_ns(self) -> int:
+        """The time since the `now_ns` of the step or tick."""
+        return 0
+
+
 class Node:
     """A process: step(message) -> messages, without Zenoh or a wall clock: `now_ns` is the time of receipt or of the tick."""
 
@@ -61,7 +72,12 @@ class Node:
         self.instance = instance
         self.refusals = Refusals()
         self.finished = False
+        self.lateness = Lateness()
         self._sequences: dict[str, int] = {}
+
+    def keep_time(self, lateness: Lateness) -> None:
+        """From now on `lateness` tells how late each step and tick is."""
+        self.lateness = lateness
 
     @property
     def rewinds(self) -> int:

@@ -223,13 +223,18 @@ class ZenohBus:
         `droppable`: a process that cannot send its answer at once drops it, and goes on.
         """
         answers: list[tuple[str, P]] = []
-        # of several answers on one key Zenoh would keep one: a stranger's as well as the process's own
-        every: dict[str, Any] = {"consolidation": zenoh.ConsolidationMode.NONE, "allowed_destination": zenoh.Locality.REMOTE}
+        # of several answers on one key Zenoh would keep one, and of those who may answer ask one that calls itself complete alone:
+        # a stranger as well as the train's own process
+        every: dict[str, Any] = {"consolidation": zenoh.ConsolidationMode.NONE, "target": zenoh.QueryTarget.ALL}
+        every["allowed_destination"] = zenoh.Locality.REMOTE
         if droppable:
             every["congestion_control"] = zenoh.CongestionControl.DROP
         for reply in self.session.get(key, timeout=timeout_s, **every):
             if reply.ok is None:
                 continue
-            with contextlib.suppress(Refused):
-                answers.append((str(reply.ok.key_expr).rpartition("/")[2], decode(reply.ok.payload.to_bytes(), schema)))
+            told = str(reply.ok.key_expr)
+            try:
+                answers.append((told.rpartition("/")[2], decode(reply.ok.payload.to_bytes(), schema)))
+            except Refused as refused:
+                log.warning("an answer on %s is not used: %s", told, refused.detail)
         return answers

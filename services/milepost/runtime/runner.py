@@ -15,7 +15,7 @@ from milepost_schemas import Health, Refused, encode, rpc_key
 from .bus import AliveChange, Question, Received, Stop, ZenohBus
 from .catching_up.asking import SNAPSHOT
 from .catching_up.handing_over import HandingOver
-from .clock import Clock
+from .clock import Clock, Turn
 from .flood import MOST_WAITING, Gate
 from .instances import Change, Instances
 from .logs.records import log_event
@@ -63,6 +63,8 @@ class Runner:
         self._handing_over = HandingOver(bus, node, name)
         self.every_second: Callable[[int], None] | None = None
         self._tick_ns: int | None = None
+        self._turn = Turn(clock)
+        node.keep_time(self._turn)
         self._ended = self.orphaned = False
 
     @property
@@ -91,7 +93,7 @@ class Runner:
 
     def turn(self, item: Received | AliveChange | Question | None) -> None:
         """Take what has come, if anything, and do what is due. What the node raises is told as an event, and raised."""
-        now_ns = self._clock.at(item.at_utc_ns) if isinstance(item, Received) else self._clock.now_ns()
+        now_ns = self._turn.begin(item.at_utc_ns if isinstance(item, Received) else None)
         begun, handing_over, tick_ns = time.perf_counter(), self._handing_over.busy, self._tick_ns
         try:
             if item is not None:
