@@ -223,8 +223,8 @@ class ZenohBus:
         `droppable`: a process that cannot send its answer at once drops it, and goes on.
         """
         answers: list[tuple[str, P]] = []
-        # of several answers on one key Zenoh would keep one, and of those who may answer ask one that calls itself complete alone:
-        # a stranger as well as the train's own process
+        # of several answers on one key Zenoh would keep one, and where one calls itself complete ask that one alone: a
+        # stranger as well as the train's own process
         every: dict[str, Any] = {"consolidation": zenoh.ConsolidationMode.NONE, "target": zenoh.QueryTarget.ALL}
         every["allowed_destination"] = zenoh.Locality.REMOTE
         if droppable:

@@ -93,17 +93,15 @@ class Lead:
             if self._spoken_ns is not None:
                 self._spoken_ns += stopped_ns - LEASE_NS
         elif stopped_ns > self._held_up_ns:
-            self._gives_way(now_ns)
+            self.gives_way(now_ns)
             # the time may not have caught up with the stop yet
             self._heard_ns = now_ns + stopped_ns
 
     def timed(self, wrong: bool, now_ns: int) -> bool:
-        """Whether this replica's clock is wrong; returns whether that has changed."""
+        """Whether this replica's clock is wrong: then it leads only while nobody else speaks. Returns whether that is news."""
         if wrong == self.misled:
             return False
         self.misled, self._heard_ns = wrong, now_ns
-        if wrong:
-            self._gives_way(now_ns)
         return True
 
     def publishes(self, epoch_ns: int, now_ns: int) -> None:
@@ -111,9 +109,10 @@ class Lead:
         if self.leads:
             self._spoken_ns = now_ns
         if now_ns - epoch_ns > self.late_ns:
-            self._gives_way(now_ns)
+            self.gives_way(now_ns)
 
-    def _gives_way(self, now_ns: int) -> None:
+    def gives_way(self, now_ns: int) -> None:
+        """Another one may speak, where there is one."""
         if self.leads and self._others:
             self.leads, self._heard_ns = False, now_ns
 

@@ -107,6 +107,7 @@ class ReplicaNode(Around):
                 yield self.event("info", "clock_right", f"{self.unit}: its clock is right again, and it may lead", at)
         elif not self._told and at - self._misled_ns >= TOLD_AFTER_NS:
             self._told = True
+            self._lead.gives_way(at)
             off = f"{abs(ahead_ns) * 1e-9:.2f} s {'ahead of' if ahead_ns > 0 else 'behind'}"
             text = f"{self.unit}: its clock is {off} most others', or all that it hears comes late: it does not lead"
             yield self.event("error", "clock_wrong", text, at)
