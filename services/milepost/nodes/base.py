@@ -54,6 +54,10 @@ class Lateness:
         """The time since the `now_ns` of the step or tick."""
         return 0
 
+    def steady_ns(self, now_ns: int) -> int:
+        """Time by a clock that nobody sets, in a step or tick of `now_ns`."""
+        return now_ns
+
 
 class Node:
     """A process: step(message) -> messages, without Zenoh or a wall clock: `now_ns` is the time of receipt or of the tick."""

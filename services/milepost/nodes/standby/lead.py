@@ -8,7 +8,7 @@ from milepost_schemas import FusedState
 
 # a leader of whom nothing was heard for so many epochs, and no less than so long, has lost the lead
 SILENT_EPOCHS = 3
-SHORTEST_SILENCE_NS = 100_000_000
+SHORTEST_SILENCE_NS = 80_000_000
 # one that was held up for this part of that time gives way, before another one can have taken over
 OWN_PART = 0.7
 # a replica that was stopped for longer than this has lost its connection: until it has another it hears nobody, whoever speaks

@@ -29,8 +29,8 @@ class ReplicaNode(Around):
         self.peers = [name for name in replicas if name != inner.unit]
         self._lead = Lead(inner.unit, replicas, period_ns, deadline_ns)
         self._time = TrustedTime(self._lead.late_ns)
-        # when the turn began, and until when this process is known to have worked, by its own clock
-        self._begun_ns = 0
+        self._turn_ns = 0
+        # until when this process is known to have worked, by a steady clock
         self._worked_ns: int | None = None
         self._misled_ns, self._told = 0, False
         self._held: list[Output] = []
@@ -82,7 +82,7 @@ class ReplicaNode(Around):
 
     def _awake(self, now_ns: int) -> int:
         """The time of the turn that begins."""
-        self._begun_ns = now_ns
+        self._turn_ns = now_ns
         at = self._time.at(now_ns)
         self._works(at)
         return at
@@ -90,7 +90,7 @@ class ReplicaNode(Around):
     def _works(self, at: int) -> int:
         """Note that this process works, in a turn of the time `at`; returns the time now."""
         spent_ns = self.lateness.spent_ns()
-        works_ns = self._begun_ns + spent_ns
+        works_ns = self.lateness.steady_ns(self._turn_ns)
         stopped_ns = 0 if self._worked_ns is None else works_ns - self._worked_ns
         self._worked_ns = works_ns
         self._lead.awake(at + spent_ns, stopped_ns)
