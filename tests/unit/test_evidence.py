@@ -168,6 +168,11 @@ def test_bounds_no_longer_change_beyond_the_longest_window() -> None:
     assert np.array_equal(Bounds(5.0).exceeded(sums, FULL), Bounds(5.0).exceeded(sums, 100 * FULL))
 
 
+def test_the_first_test_is_the_last_innovation_alone() -> None:
+    last = np.linspace(-3.0, 3.0, 33)
+    assert np.array_equal(statistics(summed(np.array([np.full(33, 9.0), last])), 2)[0], np.abs(last))
+
+
 def test_the_worst_of_several_tests_is_as_bad_by_chance_more_often_than_one() -> None:
     """By hand: 1.96 σ happen to one test in 0.05 of all cases, to one of two in 1 - 0.95² = 0.0975; without a test all fits."""
     worst, tests = np.array([1.959964, 1.959964, 0.0, 1.959964, 5.0]), np.array([1.0, 2.0, 3.0, 0.0, 18.0])

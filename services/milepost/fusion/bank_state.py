@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from milepost.estimation.layout import Array
 
-from .evidence import TESTS, Flags, statistics, worst_by_chance
+from .evidence import TESTS, Flags, statistics, usual, worst_by_chance
 from .hypotheses import Rows
 from .verdicts import Reset, Verdict
 
@@ -158,8 +158,7 @@ def protected(state: Bank) -> tuple[tuple[float, float], tuple[float, float]]:
 
     The rarer by noise alone the tests of the row that leads are, the likelier is each other hypothesis.
     """
-    (chance,) = by_chance(state, slice(state.leader, state.leader + 1))
-    held, K = state.rows.intervals(state.alive, state.leader, int(-math.log10(max(chance, 10.0**-RAREST))))
+    held, K = state.rows.intervals(state.alive, state.leader, rarity(state))
     variances = np.diagonal(state.P, axis1=1, axis2=2)[held, :2]
     if state.waiting is not None:
         # a row that is about to begin may still be where it was at the first reading of all, whose clock may be behind
@@ -168,6 +167,22 @@ def protected(state: Bank) -> tuple[tuple[float, float], tuple[float, float]]:
     centre, reach = state.x[held, :2], K[:, None] * np.sqrt(variances)
     (low, slow), (high, fast) = (centre - reach).min(axis=0).tolist(), (centre + reach).max(axis=0).tolist()
     return (low, high), (slow, fast)
+
+
+def rarity(state: Bank) -> int:
+    """r: by noise alone the worst test over all units that the leading row uses is as bad in one of 10ʳ cases."""
+    row, suspects = state.leader, state.rows.doubts.suspects
+    uses = [bool(state.rows.uses(suspect.unit)[row]) for suspect in suspects]
+    used = [channel for i, channel in enumerate(state.channels) if channel.readings and uses[i // CHANNELS]]
+    if not used:
+        return 0
+    bounds = usual((len(TESTS) - 1) * len(used)).of([channel.readings for channel in used])
+    sums = np.array([channel.sums[1:, row] for channel in used])
+    if not (np.abs(sums) > bounds[1:].T).any():
+        # most often: then by how much does not matter
+        return 0
+    (chance,) = by_chance(state, slice(row, row + 1))
+    return int(-math.log10(max(chance, 10.0**-RAREST)))
 
 
 def by_chance(state: Bank, rows: slice) -> Array:

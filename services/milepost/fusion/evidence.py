@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import cache
 from statistics import NormalDist
 from typing import Any
 
@@ -110,6 +111,11 @@ class Bounds:
         bounds = np.where(np.arange(len(WINDOWS)) < M, limit / root, (limit / sharp + offset) ** 3 / weight)
         self._bounds = bounds[:, :, None]
 
+    def of(self, counts: list[int]) -> Array:
+        """The bounds (7, C) of C sums, of so many readings each."""
+        table: Array = self._bounds[:, :, 0].T
+        return table[:, np.minimum(counts, FULL) - 1]
+
     def exceeded(self, sums: Array, count: int) -> Flags:
         """Which of the tests (7, H) exceed the limit; the same as `statistics(sums, count) > limit`."""
         return np.asarray(np.abs(sums) > self._bounds[min(count, FULL) - 1])
@@ -124,6 +130,12 @@ def worst_by_chance(worst: Array, tests: Array) -> Array:
     """1 - (1 - 2 Φ(-k))ᵐ: the probability that the worst of m tests (H) is at least k (H) by chance; 1 without any test."""
     one = np.array([math.erfc(k * 0.5**0.5) for k in worst])
     return np.asarray(np.where((tests == 0) | (one >= 1.0), 1.0, -np.expm1(tests * np.log1p(-np.minimum(one, 0.999)))))
+
+
+@cache
+def usual(tests: int) -> Bounds:
+    """What the worst of so many tests stays below by chance in 9 of 10 cases: 1 - (1 - 2 Φ(-k))ᵐ = 1/10."""
+    return Bounds(normal_reach(-math.expm1(math.log(0.9) / tests)) - 1e-9)
 
 
 def normal_reach(risk: float) -> float:
