@@ -6,8 +6,8 @@ import math
 from collections import Counter
 
 import pytest
-from banks import Fault, Ride, between, bias, noisy, reader, receiver, speedometer
 
+from banks import Fault, Ride, between, bias, noisy, reader, receiver, speedometer
 from milepost.fusion.bank_state import RAREST, by_chance, rarity
 
 
