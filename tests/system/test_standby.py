@@ -36,6 +36,10 @@ def pid_of(stack: Stack, fuser: str) -> int:
     return stack.pid_of("fuser") if fuser == "fuser" else stack.pid_of("fuser", fuser)
 
 
+def reached(outside: Outside, epoch: int) -> None:
+    outside.wait_state(STATE, lambda m: m["epoch"] > epoch, 10.0, "later states")
+
+
 def standing_by(stack: Stack, outside: Outside) -> None:
     """Wait until the fuser that does not lead is there, and has a second of its own."""
     key = f"milepost/v1/full-1/health/{'fuser-2' if leader(outside) == 'fuser' else 'fuser'}"
@@ -68,6 +72,25 @@ def test_the_standby_continues(full, how: str) -> None:
     assert {message["unit"] for _, message in seen[-epochs_of(2.0) :]} == {new["unit"]}, "the one that comes back stands by"
     steps = [b["position_m"] - a["position_m"] for (_, a), (_, b) in pairwise(seen)]
     assert max(steps) - min(steps) < 0.3
+
+
+def test_a_standby_that_is_stopped_for_a_moment_repeats_nothing(full) -> None:
+    """What the leader has said meanwhile waits to be read: that is no silence."""
+    stack, outside = full
+    standing_by(stack, outside)
+    begun, leads = len(outside.heard[STATE]) - 1, leader(outside)
+    pid = pid_of(stack, "fuser-2" if leads == "fuser" else "fuser")
+    for stopped_s in (0.3, 0.4, 0.3):
+        first = outside.newest(STATE)["epoch"]
+        os.kill(pid, signal.SIGSTOP)
+        try:
+            reached(outside, first + epochs_of(stopped_s))
+        finally:
+            os.kill(pid, signal.SIGCONT)
+        reached(outside, first + epochs_of(stopped_s + 1.0))
+    seen = [message for _, message in outside.heard[STATE][begun:]]
+    assert {message["unit"] for message in seen} == {leads}
+    assert [message["epoch"] for message in seen] == list(range(seen[0]["epoch"], seen[-1]["epoch"] + 1))
 
 
 # the lease is 0.5 s and a router that says nothing is given up after 0.3 s; one router alone: 1.8 s and 2.3 s

@@ -198,11 +198,13 @@ class TestACutOffFile:
         whole = (tmp_path / "whole.mcap").read_bytes()
         sent, unsaid, lost = recorded(tmp_path / "whole.mcap"), [], 0
         path = tmp_path / "spoilt.mcap"
-        # a step that meets every field of the headers of records at some place
-        for place in range(8, len(whole), 5):
-            path.write_bytes(whole[:place] + bytes([whole[place] ^ 0x41]) + whole[place + 1 :])
+        # a step that meets every field of the headers of records at some place; all of the beginning and of the end
+        for place in (*range(8), *range(8, len(whole), 5), *range(len(whole) - 40, len(whole))):
+            path.write_bytes(whole[:place] + bytes([whole[place] ^ 0xC1]) + whole[place + 1 :])
+            McapReader(path).read_metadata()
             reader = McapReader(path)
             found = list(reader.messages())
+            assert all(each.rpartition(": ")[2] for each in reader.damaged), "no reason"
             lost += found != sent
             if found != sent and reader.whole and not reader.damaged:
                 unsaid.append(place)

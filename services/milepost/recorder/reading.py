@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import re
 import struct
 from collections.abc import Iterable, Iterator
@@ -31,7 +32,7 @@ NAMED = re.compile(r"(.+)-\d{8}T\d{6}Z-\d+")
 # no recorder makes larger ones; a damaged length must not take all memory
 MOST_CHUNK_BYTES = 1 << 30
 # what the library raises on bytes that are none of its
-DAMAGED = (McapError, zstandard.ZstdError, struct.error, ValueError, KeyError, IndexError)
+DAMAGED = (McapError, zstandard.ZstdError, struct.error, ValueError, KeyError, IndexError, OverflowError)
 
 
 def recordings_in(path: Path) -> list[Path]:
@@ -77,11 +78,12 @@ class McapReader:
         try:
             with self.path.open("rb") as file:
                 begins = file.read(len(MAGIC))
-                if not MAGIC.startswith(begins):
-                    raise ConfigError(self.path, "", "is no MCAP file")
                 # one that has not even its beginning was begun a moment ago, or its recorder was killed then
-                if begins == MAGIC:
-                    yield from self._messages(file, self._read_index(file))
+                if begins == MAGIC[: len(begins)] and len(begins) < len(MAGIC):
+                    return
+                if begins != MAGIC and not _ends(file):
+                    raise ConfigError(self.path, "", "is no MCAP file")
+                yield from self._messages(file, self._read_index(file))
         except OSError as error:
             raise ConfigError(self.path, "", error.strerror or "cannot be read") from error
 
@@ -90,7 +92,9 @@ class McapReader:
         with self.path.open("rb") as file:
             for span in spans(file, None, []):
                 if span.opcode == Opcode.METADATA:
-                    self._note(span.opcode, _content(file, span))
+                    # one that cannot be read is told of where the messages are read
+                    with contextlib.suppress(*DAMAGED):
+                        self._note(span.opcode, _content(file, span))
         return self.metadata
 
     def _read_index(self, file: IO[bytes]) -> Summary | None:
@@ -98,7 +102,7 @@ class McapReader:
         try:
             index = index_of(file)
         except DAMAGED as error:
-            self.damaged.append(f"{error or type(error).__name__}")
+            self.damaged.append(_why(error))
             return None
         if index is not None:
             self.whole = True
@@ -111,7 +115,7 @@ class McapReader:
                 try:
                     yield from self._opened(span.opcode, _content(file, span))
                 except (*DAMAGED, MemoryError) as error:
-                    self.damaged.append(f"bytes {span.at} to {span.end - 1}: {error or type(error).__name__}")
+                    self.damaged.append(f"bytes {span.at} to {span.end - 1}: {_why(error)}")
             self.read_bytes = span.end
         if self.whole:
             self.read_bytes = self.path.stat().st_size
@@ -160,6 +164,16 @@ class McapReader:
         if said is not None or schema is None or channel.message_encoding != "msgpack":
             return channel.message_encoding if said is None else said
         return f"{MSGPACK};{schema.name}"
+
+
+def _ends(file: IO[bytes]) -> bool:
+    """Whether a file ends as one that was finished."""
+    file.seek(max(0, file.seek(0, 2) - len(MAGIC)))
+    return file.read() == MAGIC
+
+
+def _why(error: Exception) -> str:
+    return str(error) or type(error).__name__
 
 
 def _content(file: IO[bytes], span: Span) -> bytes:

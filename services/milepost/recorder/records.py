@@ -47,6 +47,8 @@ def index_of(file: IO[bytes]) -> Summary | None:
     footer = Footer.read(ReadDataStream(BytesIO(rest)))
     if footer.summary_start == 0:
         return None
+    if footer.summary_start > size:
+        raise McapError("where its index begins")
     file.seek(footer.summary_start)
     # up to and with the field before the sum itself
     if footer.summary_crc and zlib.crc32(file.read(size - len(MAGIC) - 4 - file.tell())) != footer.summary_crc:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import heapq
 import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import chain
 from pathlib import Path
 from typing import Any
@@ -37,12 +37,13 @@ class TrainIsRunningError(Exception):
 
 @dataclass
 class Replayed:
-    """What was sent, over how long a stretch of the recording, and how late the latest message was."""
+    """What was sent, over how long a stretch of the recording, how late the latest message was, and what could not be read."""
 
     sent: int = 0
     left_out: int = 0
     span_s: float = 0.0
     latest_s: float = 0.0
+    damaged: list[str] = field(default_factory=list)
 
 
 def replay(files: Sequence[Path], speed: float, connection: Connection, progress: Callable[[int], None]) -> Replayed:
@@ -73,6 +74,7 @@ def _paced(files: Sequence[Path], speed: float, done: Replayed, progress: Callab
         yield message
         if number % PROGRESS_EVERY == 0:
             progress(sum(reader.read_bytes for readers in trains for reader in readers))
+    done.damaged = [f"{reader.path.name}: {damage}" for readers in trains for reader in readers for damage in reader.damaged]
 
 
 class _Sender:
