@@ -266,6 +266,21 @@ def test_a_speed_that_no_unit_fits_to_the_places_says_so(tmp_path: Path, capsys)
     assert "the places show 3 m/s for each 1: say --unit speed=UNIT" in speed["found"]
 
 
+def test_a_speed_that_is_not_in_the_unit_of_its_name_is_one_line(tmp_path: Path) -> None:
+    lines = ["t,lat,lon,speed_mps", *(f"{a.t},{a.lat:.7f},{a.lon:.7f},54.0" for a in ride(5.0))]
+    says = "speed: the column speed_mps is in m/s by its name, but the places show km/h: say which with --unit speed=UNIT"
+    assert refused(tmp_path, lines).endswith(says)
+    # somebody knows better
+    run_import([write(tmp_path, lines)], None, tmp_path / "said", [], ["speed=m/s"], False, False)
+
+
+def test_latitude_and_longitude_that_are_exchanged_are_one_line(tmp_path: Path) -> None:
+    """A ride to the east at 51°: with the two exchanged it would be half as far again as the speeds tell."""
+    places = [(t, *moved(50.9, 4.5, 15.0 * t, 0.0)) for t in range(120)]
+    lines = ["t,lat,lon,speed_kmh", *(f"{t},{lon:.7f},{lat:.7f},54.0" for t, lat, lon in places)]
+    assert "the two are exchanged: say --column latitude=lon --column longitude=lat" in refused(tmp_path, lines)
+
+
 def test_a_cell_that_is_no_time_costs_its_row_alone(tmp_path: Path, capsys) -> None:
     rows = [f"{'###' if i == 7 else a.t},{a.lat:.7f},{a.lon:.7f}" for i, a in enumerate(ride())]
     said = imported(tmp_path, write(tmp_path, ["t,lat,lon", *rows]), capsys)

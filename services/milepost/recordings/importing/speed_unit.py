@@ -1,4 +1,4 @@
-"""The unit of a column of speeds whose name tells none, as the places beside it show."""
+"""The unit of a column of speeds, as the places beside it show."""
 
 from __future__ import annotations
 
@@ -17,12 +17,35 @@ USUAL = ("m/s", "km/h", "mph", "kn", "ft/s", "cm/s", "mm/s")
 LEG_M, WAY_M, MOST_ROWS = 20.0, 1000.0, 50_000
 DEGREE_M = 111_200.0
 # a knot is 15 % more than a mile an hour
-NEAR = 0.06
+NEAR, FITS = 0.06, 0.02
 
 
 def known_columns(log: LogFile, told: Said) -> list[Column]:
-    """The columns of a log that are known. Raises ValueError for one that was named and is not as said."""
-    return as_places_show(log, columns_of(log, told))
+    """The columns of a log that are known. Raises ValueError for one that was named, or names its unit, and is not as said."""
+    columns = as_places_show(log, columns_of(log, told))
+    of = {column.field: column for column in columns}
+    if {"time", "latitude", "longitude"} <= of.keys():
+        for column in columns:
+            if _is_speed(column) and column.field not in told.units and "places show" not in column.why:
+                _check(log, column, of)
+    return columns
+
+
+def _check(log: LogFile, column: Column, of: dict[str, Column]) -> None:
+    """Raises ValueError where the places show another unit than the column's name."""
+    factor = UNITS[column.unit].factor
+    ratio = _metres_by_number(log, column, of)
+    if math.isnan(ratio) or abs(math.log(ratio / factor)) <= NEAR:
+        return
+    exchanged = {**of, "latitude": of["longitude"], "longitude": of["latitude"]}
+    if abs(math.log(_metres_by_number(log, column, exchanged) / factor)) <= FITS:
+        names = f"--column latitude={of['longitude'].name} --column longitude={of['latitude'].name}"
+        raise ValueError(f"latitude, longitude: by the speeds in {column.name} the two are exchanged: say {names}")
+    unit = min(USUAL, key=lambda each: abs(math.log(ratio / UNITS[each].factor)))
+    # a ratio of no unit is that of places or numbers which are not good throughout
+    if abs(math.log(ratio / UNITS[unit].factor)) <= NEAR:
+        shown = f"the column {column.name} is in {column.unit} by its name, but the places show {unit}"
+        raise ValueError(f"{column.field}: {shown}: say which with --unit {column.field}=UNIT")
 
 
 def as_places_show(log: LogFile, columns: Sequence[Column]) -> list[Column]:
@@ -34,7 +57,7 @@ def as_places_show(log: LogFile, columns: Sequence[Column]) -> list[Column]:
 
 
 def _is_speed(column: Column) -> bool:
-    return UNITS[column.unit].quantity == "speed"
+    return column.unit in UNITS and UNITS[column.unit].quantity == "speed"
 
 
 def _shown(log: LogFile, column: Column, of: dict[str, Column]) -> Column:
@@ -77,4 +100,5 @@ def _metres_by_number(log: LogFile, column: Column, of: dict[str, Column]) -> fl
 
 def _apart_m(a: tuple[float, float], b: tuple[float, float]) -> float:
     """The distance of two near places, latitude and longitude in degrees."""
-    return DEGREE_M * math.hypot(b[0] - a[0], (b[1] - a[1]) * math.cos(math.radians(a[0])))
+    east_deg = (b[1] - a[1] + 180.0) % 360.0 - 180.0
+    return DEGREE_M * math.hypot(b[0] - a[0], east_deg * math.cos(math.radians(a[0])))
