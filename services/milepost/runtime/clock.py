@@ -29,6 +29,10 @@ class Clock:
         """The time at a wall-clock time, which may be before one that was told already."""
         return utc_ns if self._speed == 1.0 else self._start_ns + round((utc_ns - self._start_ns) * self._speed)
 
+    def steady_ns(self) -> int:
+        """Time that passes as this clock's does, but is never set."""
+        return round(time.monotonic_ns() * self._speed)
+
     def wait_s(self, until_ns: int) -> float:
         """How long to sleep, in seconds of wall clock, until a time; 0 if it is past."""
         return max(0.0, (until_ns - self.now_ns()) * 1e-9 / self._speed)
@@ -60,5 +64,5 @@ class Turn(Lateness):
         return self._clock.now_ns() - self._begun_ns
 
     def steady_ns(self, now_ns: int) -> int:  # noqa: ARG002
-        """The time since the machine began, whatever the clock shows."""
-        return time.monotonic_ns()
+        """Scenario time since the machine began, whatever the clock shows."""
+        return self._clock.steady_ns()
