@@ -135,6 +135,7 @@ def worst_by_chance(worst: Array, tests: Array) -> Array:
 @cache
 def usual(tests: int) -> Bounds:
     """What the worst of so many tests stays below by chance in 9 of 10 cases: 1 - (1 - 2 Φ(-k))ᵐ = 1/10."""
+    # a little less, so that a rounding error never takes what is rarer for usual
     return Bounds(normal_reach(-math.expm1(math.log(0.9) / tests)) - 1e-9)
 
 

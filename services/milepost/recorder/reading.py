@@ -79,7 +79,7 @@ class McapReader:
             with self.path.open("rb") as file:
                 begins = file.read(len(MAGIC))
                 # one that has not even its beginning was begun a moment ago, or its recorder was killed then
-                if begins == MAGIC[: len(begins)] and len(begins) < len(MAGIC):
+                if begins != MAGIC and MAGIC.startswith(begins):
                     return
                 if begins != MAGIC and not _ends(file):
                     raise ConfigError(self.path, "", "is no MCAP file")

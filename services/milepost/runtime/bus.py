@@ -225,8 +225,11 @@ class ZenohBus:
         answers: list[tuple[str, P]] = []
         # of several answers on one key Zenoh would keep one, and where one calls itself complete ask that one alone: a
         # stranger as well as the train's own process
-        every: dict[str, Any] = {"consolidation": zenoh.ConsolidationMode.NONE, "target": zenoh.QueryTarget.ALL}
-        every["allowed_destination"] = zenoh.Locality.REMOTE
+        every: dict[str, Any] = {
+            "consolidation": zenoh.ConsolidationMode.NONE,
+            "target": zenoh.QueryTarget.ALL,
+            "allowed_destination": zenoh.Locality.REMOTE,
+        }
         if droppable:
             every["congestion_control"] = zenoh.CongestionControl.DROP
         for reply in self.session.get(key, timeout=timeout_s, **every):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import replace
 from itertools import islice
 
@@ -21,39 +20,15 @@ NEAR, FITS = 0.06, 0.02
 
 
 def known_columns(log: LogFile, told: Said) -> list[Column]:
-    """The columns of a log that are known. Raises ValueError for one that was named, or names its unit, and is not as said."""
-    columns = as_places_show(log, columns_of(log, told))
-    of = {column.field: column for column in columns}
-    if {"time", "latitude", "longitude"} <= of.keys():
-        for column in columns:
-            if _is_speed(column) and column.field not in told.units and "places show" not in column.why:
-                _check(log, column, of)
-    return columns
+    """The columns of a log that are known, with the unit of each speed that was assumed as the way between the fixes shows it.
 
-
-def _check(log: LogFile, column: Column, of: dict[str, Column]) -> None:
-    """Raises ValueError where the places show another unit than the column's name."""
-    factor = UNITS[column.unit].factor
-    ratio = _metres_by_number(log, column, of)
-    if math.isnan(ratio) or abs(math.log(ratio / factor)) <= NEAR:
-        return
-    exchanged = {**of, "latitude": of["longitude"], "longitude": of["latitude"]}
-    if abs(math.log(_metres_by_number(log, column, exchanged) / factor)) <= FITS:
-        names = f"--column latitude={of['longitude'].name} --column longitude={of['latitude'].name}"
-        raise ValueError(f"latitude, longitude: by the speeds in {column.name} the two are exchanged: say {names}")
-    unit = min(USUAL, key=lambda each: abs(math.log(ratio / UNITS[each].factor)))
-    # a ratio of no unit is that of places or numbers which are not good throughout
-    if abs(math.log(ratio / UNITS[unit].factor)) <= NEAR:
-        shown = f"the column {column.name} is in {column.unit} by its name, but the places show {unit}"
-        raise ValueError(f"{column.field}: {shown}: say which with --unit {column.field}=UNIT")
-
-
-def as_places_show(log: LogFile, columns: Sequence[Column]) -> list[Column]:
-    """The columns, with the unit of each speed that was assumed as the way between the fixes of the same log shows it."""
+    Raises ValueError for one that was named, or names its unit, and is not as said.
+    """
+    columns = columns_of(log, told)
     of = {column.field: column for column in columns}
     if not {"time", "latitude", "longitude"} <= of.keys():
-        return list(columns)
-    return [_shown(log, column, of) if column.why.endswith(ASSUMED) and _is_speed(column) else column for column in columns]
+        return columns
+    return [_shown(log, column, of) if _is_speed(column) and column.field not in told.units else column for column in columns]
 
 
 def _is_speed(column: Column) -> bool:
@@ -61,13 +36,40 @@ def _is_speed(column: Column) -> bool:
 
 
 def _shown(log: LogFile, column: Column, of: dict[str, Column]) -> Column:
+    """A column whose unit was assumed, with the one that the places show. Raises ValueError where they contradict its name."""
     ratio = _metres_by_number(log, column, of)
     if math.isnan(ratio):
         return column
-    unit = min(USUAL, key=lambda each: abs(math.log(ratio / UNITS[each].factor)))
-    if abs(math.log(ratio / UNITS[unit].factor)) > NEAR:
+    unit = _unit_of(ratio)
+    if not column.why.endswith(ASSUMED):
+        _check(log, column, of, ratio, unit)
+        return column
+    if unit is None:
         return replace(column, why=f"{column.why}; the places show {ratio:.2g} m/s for each 1: say --unit {column.field}=UNIT")
     return replace(column, unit=unit, why=f"{column.why.removesuffix(ASSUMED)}, {unit} as the places show")
+
+
+def _unit_of(ratio: float) -> str | None:
+    """The usual unit of so many m/s; None where it is none's, as where places or numbers are not good throughout."""
+    unit = min(USUAL, key=lambda each: _off(ratio, each))
+    return unit if _off(ratio, unit) <= NEAR else None
+
+
+def _off(ratio: float, unit: str) -> float:
+    return abs(math.log(ratio / UNITS[unit].factor))
+
+
+def _check(log: LogFile, column: Column, of: dict[str, Column], ratio: float, shown: str | None) -> None:
+    """Raises ValueError where the places show another unit than the column's name."""
+    if _off(ratio, column.unit) <= NEAR:
+        return
+    exchanged = {**of, "latitude": of["longitude"], "longitude": of["latitude"]}
+    if _off(_metres_by_number(log, column, exchanged), column.unit) <= FITS:
+        names = f"--column latitude={of['longitude'].name} --column longitude={of['latitude'].name}"
+        raise ValueError(f"latitude, longitude: by the speeds in {column.name} the two are exchanged: say {names}")
+    if shown is not None:
+        contradiction = f"the column {column.name} is in {column.unit} by its name, but the places show {shown}"
+        raise ValueError(f"{column.field}: {contradiction}: say which with --unit {column.field}=UNIT")
 
 
 def _metres_by_number(log: LogFile, column: Column, of: dict[str, Column]) -> float:
