@@ -7,7 +7,7 @@ import pytest
 
 from examples import EXAMPLES
 from milepost.estimation.time_units import NS_PER_S
-from milepost.runtime.flood import MOST_KEYS, MOST_WAITING, Gate, Waiting
+from milepost.runtime.inbox.flood import MOST_KEYS, MOST_WAITING, Gate, Waiting
 from milepost_schemas import Refused
 
 KEY = "milepost/v1/t/reading/radar"

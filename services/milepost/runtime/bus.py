@@ -18,7 +18,7 @@ import zenoh.ext
 
 from milepost_schemas import BY_NAME, Message, Part, Refused, Stream, alive_key, decode, encode, rpc_key
 
-from .flood import Waiting
+from .inbox.flood import Waiting
 from .instances import Token, token_of
 from .reach import HOW_TO_START, advice
 from .subscribing import subscriber

@@ -25,6 +25,7 @@ from milepost_schemas import SimulationStart
 from . import scenario_time, zenoh_config
 from .bus import Inbox, Stop, ZenohBus, open_session
 from .clock import Clock
+from .inbox.taking import take
 from .logs.output import zenoh_in_log
 from .logs.records import set_up_log
 from .runner import Runner
@@ -124,7 +125,7 @@ def _stay(inbox: Inbox, clock: Clock, until_ns: int) -> None:
     """Keep the token until a time, or until stopped; what comes meanwhile is left unread."""
     while (left_s := clock.wait_s(until_ns)) > 0.0:
         try:
-            if isinstance(inbox.get(timeout=left_s), Stop):
+            if isinstance(take(inbox, left_s), Stop):
                 return
         except queue.Empty:
             return
@@ -184,7 +185,7 @@ def _until_renewed(certificate: Path | None, inbox: Inbox, parent: int | None) -
     before = certificate.stat().st_mtime_ns if certificate is not None else 0
     while parent is None or os.getppid() == parent:
         try:
-            inbox.get(timeout=1.0)
+            take(inbox, 1.0)
         except queue.Empty:
             if certificate is not None and certificate.stat().st_mtime_ns != before:
                 return True

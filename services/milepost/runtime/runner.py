@@ -16,11 +16,12 @@ from .bus import AliveChange, Question, Received, Stop, ZenohBus
 from .catching_up.asking import SNAPSHOT
 from .catching_up.handing_over import HandingOver
 from .clock import Clock, Turn
-from .flood import MOST_WAITING, Gate
+from .inbox.flood import MOST_WAITING, Gate
+from .inbox.opening import open_message
+from .inbox.taking import take
 from .instances import Change, Instances
 from .logs.records import log_event
 from .meter import Meter
-from .opening import open_message
 
 HEALTH_NS = 1_000_000_000
 log = logging.getLogger("milepost")
@@ -78,7 +79,7 @@ class Runner:
         while not self.over and not self.orphaned:
             wake_ns, item = self.wake_ns(), None
             with contextlib.suppress(queue.Empty):
-                item = inbox.get(timeout=clock.wait_s(wake_ns))
+                item = take(inbox, clock.wait_s(wake_ns))
             if isinstance(item, Stop):
                 return True
             self.turn(item)

@@ -13,6 +13,7 @@ from milepost.nodes.catching_up.agreement import most_told
 from milepost_schemas import SimulationStart, encode, rpc_key, simulation_start_key
 
 from .bus import AliveChange, Stop, ZenohBus
+from .inbox.taking import take
 from .instances import Instances
 
 log = logging.getLogger("milepost")
@@ -56,7 +57,7 @@ def _wait(bus: ZenohBus, names: set[str], tell: Tell, say_every_s: float, give_u
             said = now
             tell("info", "waiting_for", f"waiting for {', '.join(missing)} ({now - begun:.0f} s)")
         try:
-            item = bus.inbox.get(timeout=max(0.0, min(said + say_every_s, begun + give_up_after_s) - now))
+            item = take(bus.inbox, min(said + say_every_s, begun + give_up_after_s) - now)
         except queue.Empty:
             continue
         if isinstance(item, Stop):
@@ -123,7 +124,7 @@ def _ask_until_answered(bus: ZenohBus, known: Collection[str], kept: list[Any]) 
             said = time.monotonic()
             log.warning("waiting for `world` to say when scenario time began (%.0f s)", said - begun)
         try:
-            item = bus.inbox.get(timeout=ASK_EVERY_S)
+            item = take(bus.inbox, ASK_EVERY_S)
             if isinstance(item, Stop):
                 return None
             kept.append(item)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import queue
 
 from milepost.feeds.position_report_text import in_words
+from milepost.runtime.inbox.taking import take
 from milepost.runtime.listening import listening
 from milepost.runtime.logs.records import say
 from milepost.runtime.zenoh_config import Connection
@@ -36,7 +37,7 @@ def _print(reports: queue.SimpleQueue[PositionReport], as_json: bool, count: int
     printed, hinted = 0, False
     while count is None or printed < count:
         try:
-            report = reports.get(timeout=SILENT_S)
+            report = take(reports, SILENT_S)
         except queue.Empty:
             if not (printed or hinted):
                 say(HINT)

@@ -15,6 +15,7 @@ from milepost.config.errors import ConfigError
 from milepost.config.mistakes import must_be_one_of
 from milepost_schemas import BY_NAME, Event, FaultCommand, Message, encode
 
+from ..inbox.taking import take
 from ..instances import live_tokens
 from ..listening import listening
 from ..zenoh_config import Connection, place
@@ -60,7 +61,7 @@ def send_command(connection: Connection, train: str, unit: str, fields: dict[str
         }
         _put(session, FaultCommand(**head, sequence=0, **fields))
         try:
-            return answers.get(timeout=ANSWER_S)
+            return take(answers, ANSWER_S)
         except queue.Empty:
             raise NoAnswerError(_why_silent(train, unit, refusals, isinstance(connection, Path))) from None
 

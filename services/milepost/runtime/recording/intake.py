@@ -8,6 +8,8 @@ from typing import Any, NamedTuple
 
 from milepost.recorder.several import train_of
 
+from ..inbox.taking import take
+
 MOST_BYTES = 64 << 20
 # one key must not take the room of all others
 MOST_OF_A_KEY_BYTES = MOST_BYTES // 4
@@ -69,7 +71,7 @@ class Intake:
 
     def get(self, timeout_s: float) -> Any:
         """The next sample or command. Raises queue.Empty."""
-        item = self._queue.get(timeout=max(0.0, timeout_s))
+        item = take(self._queue, timeout_s)
         if isinstance(item, Waiting):
             with self._lock:
                 self._bytes -= item.size

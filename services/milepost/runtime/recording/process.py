@@ -27,6 +27,7 @@ from milepost_schemas import BY_NAME, STREAMS
 
 from .. import zenoh_config
 from ..bus import Inbox, Question, Stop, ZenohBus, open_session
+from ..inbox.taking import take
 from ..logs.output import zenoh_in_log
 from ..logs.records import set_up_log
 from ..process import stop_on_signals
@@ -121,7 +122,7 @@ def _report(reporters: Sequence[Reporter], inbox: Inbox, histories: Mapping[str,
     due = time.monotonic()
     while parent is None or os.getppid() == parent:
         try:
-            item = inbox.get(timeout=max(0.0, due - time.monotonic()))
+            item = take(inbox, due - time.monotonic())
         except queue.Empty:
             for reporter in reporters:
                 reporter.once_a_second()

@@ -10,6 +10,7 @@ from typing import Any
 
 from milepost.runtime.bus import Stop
 from milepost.runtime.clock import Clock
+from milepost.runtime.inbox.taking import take
 from milepost.runtime.runner import Runner
 
 # while messages keep coming, what is due waits no longer than this
@@ -91,7 +92,7 @@ class Loop:
             late_ns = time.time_ns() - due_ns
             if late_ns < LONGEST_WAIT_NS:
                 try:
-                    came = self._ready.get(timeout=max(0.0, -late_ns * 1e-9))
+                    came = take(self._ready, -late_ns * 1e-9)
                     return came, self._seats[came].inbox.get_nowait()
                 except queue.Empty:
                     if late_ns < 0:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from milepost_schemas import Message, Refused, from_fields, unpack
 
-from .bus import Received
+from ..bus import Received
 from .flood import Gate
 
 
