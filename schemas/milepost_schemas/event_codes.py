@@ -62,10 +62,10 @@ EVENT_CODES: tuple[EventCode, ...] = (
     EventCode(
         "clock_wrong",
         "error",
-        "the clock of one of several fusers differs from most others', or all that it hears comes late: it does not lead",
-        "set the clock of the fuser's machine (PTP or NTP), or see what delays its connection",
+        "a fuser's or the voter's clock differs from most others', or all that it hears comes late: it goes by their time",
+        "set the clock of its machine (PTP or NTP), or see what delays its connection",
     ),
-    EventCode("clock_right", "info", "its clock is right again, and it may lead"),
+    EventCode("clock_right", "info", "its clock is right again; a fuser may lead"),
     EventCode(
         "snapshot_refused",
         "warning",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 
 import pytest
@@ -39,18 +40,23 @@ class Mute(Node):
 class Three:
     """A maglev train with three fusers and a voter, and what was said."""
 
-    def __init__(self, interval_m: float = 1.0) -> None:
+    def __init__(
+        self, interval_m: float = 1.0, end_s: float = END_S, around_voter: Callable[[Node], Node] = lambda node: node
+    ) -> None:
         train = load_train(MAGLEV, {"chaos": True, "fusion": {"replicas": 3, "voting": {"interval_m": interval_m}}})
         self.states: list[FusedState] = []
+        self.received_ns: list[int] = []
         self.events: list[Event] = []
         self.truth: dict[int, Truth] = {}
         self.proposed: dict[str, list[FusedState]] = {}
         self.fusers: dict[str, Mute] = {}
-        world, nodes = train.world(END_S), []
+        world, nodes = train.world(end_s), []
         for process in processes(train, live=True):
             node = ROLES[process.role].build(train, process.unit, Setting(process.name, world, OFFLINE_START_NS, live=True))
             if process.role == "fuser":
                 node = self.fusers[process.name] = Mute(node)
+            elif process.role == "voter":
+                node = around_voter(node)
             nodes.append(node)
         self.bus = MemoryBus(nodes, self._tap)
 
@@ -60,6 +66,7 @@ class Three:
             self.proposed.setdefault(output.unit, []).append(message.state)
         elif isinstance(message, FusedState):
             self.states.append(message)
+            self.received_ns.append(now_ns)
         elif isinstance(message, Event):
             self.events.append(message)
         elif isinstance(message, Truth):
@@ -74,6 +81,12 @@ class Three:
             **head, sequence=0, kind="bit_flip", numbers={"bit": float(bit)}, words={"state": state}, flags=flags
         )
         self.bus.inject("chaos", fuser, command, at(t_s))
+
+    def set_clock(self, unit: str, ahead_s: float, t_s: float) -> None:
+        """Set a process's clock; right where `ahead_s` is 0."""
+        head = {"train": "maglev-1", "unit": unit, "instance": "test", "measured_at_ns": at(t_s), "published_at_ns": at(t_s)}
+        fault = {"kind": "wrong_clock", "numbers": {"by_s": ahead_s}} if ahead_s else {}
+        self.bus.inject("chaos", unit, FaultCommand(**head, sequence=0, **fault), at(t_s))
 
     def events_of(self, code: str) -> list[Event]:
         return [event for event in self.events if event.code == code]

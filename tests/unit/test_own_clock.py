@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from milepost.nodes.standby.own_clock import OwnClock
+from milepost.nodes.clocks.own_clock import OwnClock
 
 MS = 1_000_000
 NOW_MS = 10_000

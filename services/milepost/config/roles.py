@@ -10,6 +10,8 @@ from milepost.estimation.filters.base import FilterSetup
 from milepost.estimation.time_units import NS_PER_S
 from milepost.nodes.balise import BaliseNode
 from milepost.nodes.base import Node
+from milepost.nodes.clocks.own_clock import late_after_ns
+from milepost.nodes.clocks.timed import Timed
 from milepost.nodes.faulty import FaultySensor
 from milepost.nodes.filter import FilterNode
 from milepost.nodes.fuser import FuserNode
@@ -138,7 +140,8 @@ def _fuser(train: Train, unit: str, setting: Setting) -> Node:
 def _one_of_several(node: Node, train: Train, settings: FuserSettings) -> Node:
     replicas = ROLES["fuser"].instances(train)
     if train.file.fusion.voting is not None:
-        return CandidateNode(node, _tolerance(train.file.fusion.voting), settings.period_ns)
+        candidate = CandidateNode(node, _tolerance(train.file.fusion.voting), settings.period_ns)
+        return Timed(candidate, late_after_ns(settings.period_ns, settings.deadline_ns))
     return node if len(replicas) == 1 else ReplicaNode(node, replicas, settings.period_ns, settings.deadline_ns)
 
 
@@ -153,7 +156,8 @@ def _voter(train: Train, unit: str, setting: Setting) -> Node:
     voting, period_ns = fusion.voting, fusion.period_ms * 1_000_000
     tolerance = _tolerance(voting)
     deadline_ns, readmit_ns = round(voting.deadline_ms * 1e6), round(voting.readmit_after_s * NS_PER_S)
-    return VoterNode(train.name, setting.instance, fusers, tolerance, period_ns, deadline_ns, readmit_ns, unit)
+    voter = VoterNode(train.name, setting.instance, fusers, tolerance, period_ns, deadline_ns, readmit_ns, unit)
+    return Timed(voter, late_after_ns(period_ns, deadline_ns))
 
 
 def _fusers(train: Train) -> int:

@@ -10,20 +10,18 @@ from .base import Lateness, Node, Output, Subscription
 
 
 class Around(Node):
-    """A process that is the fuser `inner` and something more; `more` is what it hears besides."""
-
-    remembers = True
-    watches_processes = True
+    """A process that is the node `inner` and something more; `more` is what it hears besides."""
 
     def __init__(self, inner: Node, *more: Subscription) -> None:
         super().__init__(inner.train, inner.unit, inner.instance)
         self.inner = inner
         self.refusals = inner.refusals
         self.peers = inner.peers
+        self.remembers, self.watches_processes = inner.remembers, inner.watches_processes
         self.subscriptions = [*inner.subscriptions, *more]
 
     def keep_time(self, lateness: Lateness) -> None:
-        """The fuser's lateness is this one's."""
+        """The node's lateness is this one's."""
         super().keep_time(lateness)
         self.inner.keep_time(lateness)
 
@@ -37,7 +35,7 @@ class Around(Node):
         self.inner.unit_alive(unit, alive)
 
     def answer(self, procedure: str) -> Message | None:
-        """What the fuser remembers."""
+        """What the node remembers."""
         return self.inner.answer(procedure)
 
     def catch_up(self, feedback: Feedback, now_ns: int) -> bool:
@@ -45,7 +43,7 @@ class Around(Node):
         return self.inner.catch_up(feedback, now_ns)
 
     def hand_over(self, now_ns: int) -> Iterator[SnapshotPart]:
-        """What the fuser knows."""
+        """What the node knows."""
         return self.inner.hand_over(now_ns)
 
     def take_over(self, parts: Sequence[SnapshotPart], agreed: Feedback, now_ns: int) -> None:
@@ -53,13 +51,13 @@ class Around(Node):
         self.inner.take_over(parts, agreed, now_ns)
 
     def next_tick_ns(self) -> int | None:
-        """The fuser's next epoch."""
+        """When the node is due."""
         return self.inner.next_tick_ns()
 
     def step(self, message: Message, now_ns: int) -> Iterable[Output]:
-        """Take what the fuser takes."""
+        """Take what the node takes."""
         return self.inner.step(message, now_ns)
 
     def tick(self, now_ns: int) -> Iterable[Output]:
-        """What the fuser does."""
+        """What the node does."""
         return self.inner.tick(now_ns)

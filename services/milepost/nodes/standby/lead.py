@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from milepost.nodes.clocks.own_clock import late_after_ns
 from milepost_schemas import FusedState
 
 # a leader of whom nothing was heard for so many epochs, and no less than so long, has lost the lead
@@ -41,7 +42,7 @@ class Lead:
         silence_ns = max(SILENT_EPOCHS * period_ns, SHORTEST_SILENCE_NS)
         self._silence_ns = silence_ns + self._own * period_ns
         self._held_up_ns = round(OWN_PART * silence_ns)
-        self.late_ns = SILENT_EPOCHS * period_ns + deadline_ns
+        self.late_ns = late_after_ns(period_ns, deadline_ns)
         # when a leader, and when anybody, was last heard
         self._heard_ns: int | None = None
         self._anybody_ns: int | None = None
@@ -97,12 +98,10 @@ class Lead:
             # the time may not have caught up with the stop yet
             self._heard_ns = now_ns + stopped_ns
 
-    def timed(self, wrong: bool, now_ns: int) -> bool:
-        """Whether this replica's clock is wrong: then it leads only while nobody else speaks. Returns whether that is news."""
-        if wrong == self.misled:
-            return False
-        self.misled, self._heard_ns = wrong, now_ns
-        return True
+    def timed(self, wrong: bool, now_ns: int) -> None:
+        """Whether this replica's clock is wrong: then it leads only while nobody else speaks."""
+        if wrong != self.misled:
+            self.misled, self._heard_ns = wrong, now_ns
 
     def publishes(self, epoch_ns: int, now_ns: int) -> None:
         """This replica has something to say of an epoch."""

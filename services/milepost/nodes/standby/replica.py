@@ -5,34 +5,30 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 
 from milepost.estimation.observation import FUTURE_NS
-from milepost.nodes.around import Around
 from milepost.nodes.base import Node, Output, Subscription
-from milepost_schemas import Feedback, FusedState, Message, SnapshotPart
+from milepost.nodes.clocks.timed import Timed
+from milepost_schemas import FusedState, Message
 
 from .lead import Lead
-from .own_clock import TrustedTime
 
 # a standby that hears of no leader, and may not lead, keeps no more than this
 KEPT_OUTPUTS = 1000
-# a machine that is busy for a moment delays all that is heard; a clock that is wrong stays so
-TOLD_AFTER_NS = 1_000_000_000
 
 
-class ReplicaNode(Around):
-    """The fuser `inner` as one of `replicas`. What a standby has to say is kept until the leader has said it, or is silent.
+class ReplicaNode(Timed):
+    """The fuser `inner` as one of `replicas`. What a standby has to say is kept until the leader has said it, or is silent."""
 
-    The fuser never sees a clock that is wrong: it is told the time that the others' messages show.
-    """
+    consequence = "it does not lead"
 
     def __init__(self, inner: Node, replicas: Sequence[str], period_ns: int, deadline_ns: int) -> None:
-        super().__init__(inner, Subscription("state"))
-        self.peers = [name for name in replicas if name != inner.unit]
         self._lead = Lead(inner.unit, replicas, period_ns, deadline_ns)
-        self._time = TrustedTime(self._lead.late_ns)
+        super().__init__(inner, self._lead.late_ns, Subscription("state"))
+        # what is forgotten gets no number of this instance's
+        self._sequences = {}
+        self.peers = [name for name in replicas if name != inner.unit]
         self._turn_ns = 0
         # until when this process is known to have worked, by a steady clock
         self._worked_ns: int | None = None
-        self._misled_ns, self._told = 0, False
         self._held: list[Output] = []
         self._said_ns = 0
         self._units = 0
@@ -42,15 +38,9 @@ class ReplicaNode(Around):
         self._lead.alive(unit, alive)
         super().unit_alive(unit, alive)
 
-    def next_tick_ns(self) -> int | None:
-        """The fuser's next epoch by this process's clock."""
-        due_ns = self.inner.next_tick_ns()
-        return None if due_ns is None else self._time.clock_ns(due_ns)
-
     def step(self, message: Message, now_ns: int) -> Iterator[Output]:
         """Take what the fuser takes, and the states of other replicas."""
-        if message.unit != self.unit:
-            self._time.heard(message.unit, message.published_at_ns, now_ns)
+        self._hears(message, now_ns)
         at = self._awake(now_ns)
         if message.unit != self.unit:
             self._lead.heard(self._time.others_ns)
@@ -67,18 +57,6 @@ class ReplicaNode(Around):
         at = self._awake(now_ns)
         yield from self._timed(at)
         yield from self._passed(self.inner.tick(at), at)
-
-    def catch_up(self, feedback: Feedback, now_ns: int) -> bool:
-        """Continue from a running process's feedback."""
-        return self.inner.catch_up(feedback, self._time.right_ns(now_ns))
-
-    def hand_over(self, now_ns: int) -> Iterator[SnapshotPart]:
-        """What the fuser knows."""
-        return self.inner.hand_over(self._time.right_ns(now_ns))
-
-    def take_over(self, parts: Sequence[SnapshotPart], agreed: Feedback, now_ns: int) -> None:
-        """Continue from what another fuser knows."""
-        self.inner.take_over(parts, agreed, self._time.right_ns(now_ns))
 
     def _awake(self, now_ns: int) -> int:
         """The time of the turn that begins."""
@@ -97,20 +75,12 @@ class ReplicaNode(Around):
         return at + spent_ns
 
     def _timed(self, at: int) -> Iterator[Output]:
-        """Look whether this replica's clock is right; says so where it stays wrong, and where it is right again."""
-        if self._lead.timed(self._time.wrong, at):
-            self._misled_ns = at
-        ahead_ns = self._time.ahead_ns
-        if not self._lead.misled:
-            if self._told:
-                self._told = False
-                yield self.event("info", "clock_right", f"{self.unit}: its clock is right again, and it may lead", at)
-        elif not self._told and at - self._misled_ns >= TOLD_AFTER_NS:
-            self._told = True
-            self._lead.gives_way(at)
-            off = f"{abs(ahead_ns) * 1e-9:.2f} s {'ahead of' if ahead_ns > 0 else 'behind'}"
-            text = f"{self.unit}: its clock is {off} most others', or all that it hears comes late: it does not lead"
-            yield self.event("error", "clock_wrong", text, at)
+        """Look whether this replica's clock is right; one whose clock stays wrong gives way."""
+        self._lead.timed(self._time.wrong, at)
+        for news in self._news(at):
+            if self._time.wrong:
+                self._lead.gives_way(at)
+            yield news
 
     def _passed(self, outputs: Iterable[Output], at: int) -> Iterator[Output]:
         for output in outputs:

@@ -10,6 +10,15 @@ WINDOW_NS = 250_000_000
 FEWEST = 2
 # where nobody is heard for so long, a clock that has leapt is believed
 DOUBTED_NS = 500_000_000
+# a machine that is busy for a moment delays all that is heard; a clock that is wrong stays so
+TOLD_AFTER_NS = 1_000_000_000
+# what is so many epochs and the deadline of one behind is late
+LATE_EPOCHS = 3
+
+
+def late_after_ns(period_ns: int, deadline_ns: int) -> int:
+    """By how much what is said of an epoch may be behind it; a clock that is off by more is wrong."""
+    return LATE_EPOCHS * period_ns + deadline_ns
 
 
 class OwnClock:
@@ -105,3 +114,22 @@ class TrustedTime:
             self._leapt_ns, self._own = clock_ns, OwnClock()
             self._since.clear()
         self._clock_ns = clock_ns
+
+
+class Told:
+    """What has been told of a process's clock: that it is wrong, once it has been so for a second; that it is right again."""
+
+    def __init__(self) -> None:
+        self._told = False
+        self._wrong_ns: int | None = None
+
+    def news(self, wrong: bool, at_ns: int) -> bool | None:
+        """Whether the clock is wrong, where that is to be told now; None where it is not."""
+        if not wrong:
+            self._wrong_ns, told, self._told = None, self._told, False
+            return False if told else None
+        self._wrong_ns = at_ns if self._wrong_ns is None else self._wrong_ns
+        if self._told or at_ns - self._wrong_ns < TOLD_AFTER_NS:
+            return None
+        self._told = True
+        return True
