@@ -230,6 +230,53 @@ def test_a_log_that_is_no_train_is_one_line(lines: list[str], says: str, tmp_pat
     assert refused(tmp_path, lines).startswith(says)
 
 
+def test_a_column_of_the_right_name_whose_values_do_not_fit_is_named(tmp_path: Path) -> None:
+    lines = ["time,latitude,longitude", *(f"{t},{503000000 + t},{41000000 + t}" for t in range(30))]
+    assert refused(tmp_path, lines) == (
+        "latitude: the column latitude does not hold it, by its values 503000000, 503000001, 503000002: name another one with "
+        "--column latitude=COLUMN, or the unit with --unit latitude=UNIT"
+    )
+    lines = ["time,lat,lon", *(f"at {t},50.{t},4.2" for t in range(30))]
+    assert refused(tmp_path, lines).startswith("time: the column time does not hold it, by its values at 0, at 1, at 2: ")
+
+
+@pytest.mark.parametrize(
+    ("head", "kind"),
+    [
+        (b"$GNRMC,120000.00,A,5051.0,N,00421.0,E,29.1,90.0,010624,,,A*7C\r\n$GNGGA,120000.00,5051.0,N*00\r\n", "NMEA"),
+        (b"\xb5\x62\x01\x07\x5c\x00" + bytes(92) + b"\xb5\x62\x01\x07", "UBX"),
+    ],
+)
+def test_a_receivers_own_log_is_no_table_and_the_advice_fits(head: bytes, kind: str, tmp_path: Path) -> None:
+    path = tmp_path / "log.bin"
+    path.write_bytes(head * 20)
+    with pytest.raises(ConfigError, match=f"is a receiver's own {kind} log, which needs no import: .*protocol: {kind.lower()}"):
+        run_import([path], None, tmp_path / "out", [], [], False, True)
+
+
+def test_times_in_milliseconds_without_a_unit_are_one_line(tmp_path: Path) -> None:
+    """By its numbers 100, 200, 300 a time may be in seconds: the speeds beside the places tell."""
+    lines = ["time,lat,lon,speed_mps", *(f"{1000 * a.t:.0f},{a.lat:.7f},{a.lon:.7f},15.0" for a in ride())]
+    assert refused(tmp_path, lines) == "time: by the places and the speeds its column time is in ms: say --unit time=ms"
+    run_import([write(tmp_path, lines)], None, tmp_path / "said", [], ["time=ms"], False, False)
+    # nothing tells
+    lines = ["time,lat,lon", *(f"{100_000 * a.t:.0f},{a.lat:.7f},{a.lon:.7f}" for a in ride())]
+    assert "; is its time in another unit? --unit time=ms" in refused(tmp_path, lines)
+
+
+@pytest.mark.parametrize(("factor", "off_deg"), [(1.0, 180.0), (math.pi / 180.0, 0.0), (1.0, -90.0)])
+def test_a_course_that_the_places_contradict_is_not_used(factor: float, off_deg: float, tmp_path: Path, capsys) -> None:
+    """In radians, against the way or across it: with the speed it would say that the train goes back, or stands."""
+    places = [(t, *moved(50.9, 4.5, 10.6 * t, 10.6 * t)) for t in range(120)]
+    rows = [f"{t},{lat:.7f},{lon:.7f},54.0,{(45.0 + off_deg) * factor:.4f}" for t, lat, lon in places]
+    said = imported(tmp_path, write(tmp_path, ["t,lat,lon,speed_kmh,course", *rows]), capsys)
+    assert any(each.startswith("the column course is not used: ") for each in said["told"])
+    position_m, speed_mps, used = end_of(tmp_path)
+    assert used == {"gnss"}
+    assert position_m == pytest.approx(15.0 * said["duration_s"], abs=10.0)
+    assert speed_mps == pytest.approx(15.0, abs=0.7)
+
+
 def test_fixes_far_from_the_line_are_one_line(tmp_path: Path) -> None:
     geometry = {"type": "LineString", "coordinates": [[5.0, 51.5], [5.1, 51.5]]}
     (tmp_path / "track.geojson").write_text(json.dumps(geometry), encoding="utf-8")

@@ -27,6 +27,10 @@ LONG_GAP = 4.0
 NEAR_M, APART = 10.0, 6.0
 
 
+class NoWayError(ValueError):
+    """The fixes are no way of a train."""
+
+
 @dataclass(frozen=True)
 class Path:
     """A path: points (longitude_deg, latitude_deg), and of which fixes it is made.
@@ -52,7 +56,7 @@ def path_through(t_s: Array, latitude_deg: Array, longitude_deg: Array) -> Path:
     Fixes at a stop and jumps are left out, the others taken where they are a step apart; where the path comes near to where
     it was, a new part begins, and the longest is kept. Over its arc length the path is locally a parabola, fitted to the
     fixes with weights (1 - u²)²; where there are none for long it is straight.
-    Raises ValueError where there is no way of at least 50 m.
+    Raises NoWayError where there is no way of at least 50 m.
     """
     import pyproj  # slow to import
 
@@ -63,14 +67,15 @@ def path_through(t_s: Array, latitude_deg: Array, longitude_deg: Array) -> Path:
     noise_m = noise_of(place)
     kept = _apart(t_s, place, min(max(3.0 * noise_m, 1.0), 15.0))
     if len(kept) < 4:
-        raise ValueError("no line can be made: the train does not move")
+        far_m = float(np.hypot(*(place.max(axis=0) - place.min(axis=0))))
+        raise NoWayError(f"no line can be made: the train does not move ({far_m:.0f} m in {t_s[-1] - t_s[0]:.0f} s)")
     at = place[kept]
     along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(at, axis=0).T))])
     near_m = max(NEAR_M, 4.0 * noise_m)
     cuts = _cuts(at, along, near_m)
     first, last = max(pairwise(cuts), key=lambda part: along[part[1]] - along[part[0]])
     if along[last] - along[first] < 5.0 * NEAR_M or last - first < 3:
-        raise ValueError(
+        raise NoWayError(
             f"no line can be made: its longest way is {along[last] - along[first]:.0f} m, of {len(cuts) - 1} parts"
         )
     own = slice(first, last + 1)

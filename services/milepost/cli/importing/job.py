@@ -12,7 +12,7 @@ from milepost.config.importing.files import SCENARIO, TRAIN
 from milepost.config.importing.make import Made, make
 from milepost.config.scenario_file import load_scenario
 from milepost.recordings.importing.clocks import on_the_clock_of
-from milepost.recordings.importing.columns import Column, LogColumns, Said, said
+from milepost.recordings.importing.columns import Column, LogColumns, Said, misfit, said
 from milepost.recordings.importing.fields import NEEDED
 from milepost.recordings.importing.log_file import LogFile, open_log
 from milepost.recordings.importing.speed_unit import known_columns
@@ -84,11 +84,18 @@ def _with_columns(logs: Sequence[LogFile], told: Said) -> tuple[list[LogColumns]
     for number, each in enumerate(found):
         for field in NEEDED if number == 0 else NEEDED[:1]:
             if not any(column.field == field for column in each.columns):
-                text = (
-                    f"no column is known for it; there are {', '.join(each.log.header)}: name it with --column {field}=COLUMN"
-                )
-                raise ConfigError(each.log.path, field, text)
+                raise ConfigError(each.log.path, field, _unknown(each.log, field))
     return found, remarks
+
+
+def _unknown(log: LogFile, field: str) -> str:
+    """Why no column is taken for a field, and what to say."""
+    name = misfit(log, field)
+    if name is None:
+        return f"no column is known for it; there are {', '.join(log.header)}: name it with --column {field}=COLUMN"
+    values = ", ".join(log.values(name)[:3]) or "it is empty"
+    other = f"name another one with --column {field}=COLUMN, or the unit with --unit {field}=UNIT"
+    return f"the column {name} does not hold it, by its values {values}: {other}"
 
 
 def _on_one_clock(logs: Sequence[LogFile], told: Said, alone: list[LogColumns]) -> tuple[list[LogColumns], list[str]]:

@@ -10,13 +10,14 @@ from pathlib import Path
 
 import numpy as np
 
-from milepost.recordings.importing.columns import LogColumns
-from milepost.recordings.importing.figures import courses, good_solutions, jerk_psd, withheld_span
+from milepost.recordings.importing.columns import ASSUMED, LogColumns
+from milepost.recordings.importing.figures import course_off_deg, courses, good_solutions, jerk_psd, withheld_span
 from milepost.recordings.importing.log_file import LogFile
 from milepost.recordings.importing.position_source import FIELDS, position_recording
 from milepost.recordings.importing.rows import Array, Rows, period_s, placed, read_rows, thinned
 from milepost.recordings.importing.solutions import BEST_FIRST
 from milepost.recordings.importing.source import Copy, Recording
+from milepost.track.from_fixes import NoWayError
 
 from .devices import Devices, device_units
 from .files import GEOMETRY, LINE, SCENARIO, TRAIN, Imported, Withheld, geometry_text, line_text, scenario_text, train_text
@@ -24,6 +25,8 @@ from .units import UnitEntry, file_of, gnss_options, relative
 from .way import Way, way_of
 
 LEAST_FIXES = 10
+# a course over ground is nearer to the way from fix to fix, in the median
+MOST_COURSE_OFF_DEG = 30.0
 FIRST_S, FEW = 5.0, 5
 ALONE = "the receiver is all there is, so it is trusted (fault_probability: 0): nothing could contradict it"
 
@@ -42,14 +45,15 @@ def make(
     logs: Sequence[LogColumns], line: Path | None, folder: Path, remarks: Sequence[str], show: Callable[[float], None]
 ) -> Made:
     """The files of the train whose logs these are; the first one has its places. Raises ValueError and ConfigError."""
-    first = logs[0]
-    fixes, told = _fixes(first, show)
+    fixes, told = _fixes(logs[0], show)
+    first, fixes, wrong = _with_a_course(logs[0], fixes)
+    told += wrong
     told += remarks
     good_words = good_solutions(fixes.solution)
     if not good_words:
         raise ValueError(f"solution: no fix counts: they are {', '.join(sorted(set(fixes.solution)))}")
     good = fixes.chosen(np.array([each in good_words for each in fixes.solution]), "of a poorer solution")
-    way = way_of(fixes, good, line)
+    way = _way(first, fixes, good, line)
     devices = device_units(logs, way, _speeds(fixes, way, good_words), folder, show)
     gnss = _gnss(first, fixes, way, folder, alone=not devices.units)
     told += [*way.told, *devices.told, *([] if devices.units else [ALONE])]
@@ -73,6 +77,14 @@ def make(
     return Made(texts, copies, told, figures)
 
 
+def _way(first: LogColumns, fixes: Rows, good: Rows, line: Path | None) -> Way:
+    try:
+        return way_of(fixes, good, line)
+    except NoWayError as error:
+        assumed = next(column for column in first.columns if column.field == "time").why.endswith(ASSUMED)
+        raise ValueError(f"{error}{'; is its time in another unit? --unit time=ms' if assumed else ''}") from error
+
+
 def _fixes(first: LogColumns, show: Callable[[float], None]) -> tuple[Rows, list[str]]:
     """The fixes of a receiver, and what was left out."""
     raw = read_rows(first.log, first.of(*FIELDS), ("latitude", "longitude"), show)
@@ -84,9 +96,22 @@ def _fixes(first: LogColumns, show: Callable[[float], None]) -> tuple[Rows, list
     told += [f"the log is faster than the receiver: a fix stands in {every} rows, of which one is used"] if every > 1 else []
     unknown = [word for word, meant in rows.words.items() if word and meant == "none"]
     told += [f"not taken for a solution: {', '.join(unknown)}"] if unknown else []
+    return rows, told
+
+
+def _with_a_course(first: LogColumns, rows: Rows) -> tuple[LogColumns, Rows, list[str]]:
+    """The log and its fixes with the course between them, where it has none or one that they contradict; what was left out."""
+    off_deg, told = course_off_deg(rows), list[str]()
+    if off_deg is not None and off_deg > MOST_COURSE_OFF_DEG:
+        (column,) = (each for each in first.columns if each.field == "course")
+        told.append(
+            f"the column {column.name} is not used: it is {off_deg:.0f} degrees off the way from fix to fix, which is used"
+        )
+        first = LogColumns(first.log, [each for each in first.columns if each is not column])
+        rows = replace(rows, values={name: value for name, value in rows.values.items() if name != "course"})
     if rows.has("speed") and not rows.has("course"):
         rows = replace(rows, values=rows.values | {"course": courses(rows)})
-    return rows, told
+    return first, rows, told
 
 
 def _listed(left_out: dict[str, int]) -> str:

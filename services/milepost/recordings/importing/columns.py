@@ -122,6 +122,12 @@ def _guessed(log: LogFile, field: Field, names: Sequence[str], told: Said) -> li
     return fitting[:1]
 
 
+def misfit(log: LogFile, field: str) -> str | None:
+    """The column whose name fits a field best, where its values do not; None where no name fits."""
+    ranked = sorted((rank, at) for at, name in enumerate(log.header) if (rank := _rank(log, FIELDS[field], name)) is not None)
+    return log.header[ranked[0][1]] if ranked else None
+
+
 def _rank(log: LogFile, field: Field, name: str) -> int | None:
     """How well a name fits, 0 best; None where it does not."""
     words = words_of(name)
@@ -168,4 +174,4 @@ def _time(log: LogFile, name: str, texts: Sequence[str], named: str | None, why:
             return Column("time", name, joined.unit, f"{why}, with {date}", time=joined, date=date)
     elif len(set(texts)) < 2 and len(log.sample) > 1:
         return None  # a date alone, the same in all rows
-    return Column("time", name, form.unit, why, time=form)
+    return Column("time", name, form.unit, f"{why}{ASSUMED}" if form.assumed else why, time=form)

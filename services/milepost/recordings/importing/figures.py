@@ -23,6 +23,9 @@ ENOUGH = 0.3
 WITHHELD_S, WITHHELD_ALONE_S, WITHHELD_PART, WITHHELD_FIXES = 30.0, 10.0, 0.2, 0.9
 LEAST_WITHHELD_S, LEAST_SPEED_MPS = 3.0, 2.0
 SECOND_DIFFERENCE = 6.0
+# so many fixes that are apart tell whether a receiver's course is one
+LEAST_COURSES, COURSE_M = 10, 20.0
+METRES_PER_DEGREE = 111_200.0
 
 
 def good_solutions(solution: Sequence[str]) -> list[str]:
@@ -62,11 +65,26 @@ def courses(rows: Rows, least_m: float = 3.0) -> Array:
     """The course between the fixes before and after each, in degrees; NaN where these are nearer than `least_m`."""
     latitude, longitude = rows.values["latitude"], rows.values["longitude"]
     before, after = np.maximum(np.arange(len(latitude)) - 1, 0), np.minimum(np.arange(len(latitude)) + 1, len(latitude) - 1)
-    metres = 111_200.0
-    north = (latitude[after] - latitude[before]) * metres
-    east = (longitude[after] - longitude[before]) * metres * np.cos(np.radians(latitude))
+    north = (latitude[after] - latitude[before]) * METRES_PER_DEGREE
+    east = (longitude[after] - longitude[before]) * METRES_PER_DEGREE * np.cos(np.radians(latitude))
     course = np.degrees(np.arctan2(east, north)) % 360.0
     return np.where(np.hypot(north, east) >= least_m, course, math.nan)
+
+
+def course_off_deg(rows: Rows) -> float | None:
+    """By how much the receiver's course differs from that between its fixes, in the median; None where that cannot be told."""
+    if not rows.has("course"):
+        return None
+    # fixes beside each other differ by their noise; the way that is compared is long beside that
+    latitude, longitude = rows.values["latitude"], rows.values["longitude"]
+    east_deg = np.diff(longitude) * np.cos(np.radians(latitude[1:]))
+    steps_m = METRES_PER_DEGREE * np.hypot(np.diff(latitude), east_deg)
+    moving_m = steps_m[steps_m > 0.0]
+    every = max(1, math.ceil(COURSE_M / float(np.median(moving_m)))) if len(moving_m) else 1
+    some = rows.chosen(np.arange(len(rows.t_s)) % every == 0, "")
+    off = np.abs((some.values["course"] - courses(some, COURSE_M) + 180.0) % 360.0 - 180.0)
+    off = off[np.isfinite(off)]
+    return float(np.median(off)) if len(off) >= LEAST_COURSES else None
 
 
 def withheld_span(t_s: Array, position_m: Array, every_s: float, alone: bool) -> tuple[float, float] | None:

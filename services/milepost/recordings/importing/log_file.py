@@ -15,6 +15,7 @@ DELIMITERS = ",;\t|"
 SAMPLE_ROWS = 200
 HEAD_BYTES = 1 << 18
 DECIMAL_COMMA, DECIMAL_POINT = re.compile(r"[-+]?\d+,\d+$"), re.compile(r"[-+]?\d+\.\d+([eE][-+]?\d+)?$")
+UBX, NMEA = re.compile(rb"\xb5\x62[\x01-\x40]"), re.compile(rb"\s*[$!][A-Z]{2}[A-Z]{3},")
 NUMBER = re.compile(r"[-+]?\d+([.,]\d+)?([eE][-+]?\d+)?$")
 
 
@@ -79,6 +80,7 @@ def open_log(path: Path) -> LogFile:
     """Find out how a log is written. Raises ValueError where it is no table with a header, and OSError."""
     with path.open("rb") as file:
         head = file.read(HEAD_BYTES)
+    _check_kind(head)
     encoding = _encoding(head)
     lines = head.decode(encoding, errors="replace").splitlines()
     lines = lines[:-1] if len(head) == HEAD_BYTES else lines
@@ -98,6 +100,14 @@ def open_log(path: Path) -> LogFile:
     commas, points = (sum(bool(each.match(cell)) for cell in cells) for each in (DECIMAL_COMMA, DECIMAL_POINT))
     decimal = "," if commas > points else "."
     return LogFile(path, encoding, delimiter, decimal, header, tuple(rows[1:]), skipped, marked)
+
+
+def _check_kind(head: bytes) -> None:
+    """Raises ValueError for what a receiver sends, which is no table."""
+    kind = "UBX" if UBX.match(head) else "NMEA" if NMEA.match(head) else ""
+    if kind:
+        entry = f"receiver: {{protocol: {kind.lower()}, file: LOG}}"
+        raise ValueError(f"is a receiver's own {kind} log, which needs no import: a unit of kind gnss reads it with `{entry}`")
 
 
 def _encoding(head: bytes) -> str:

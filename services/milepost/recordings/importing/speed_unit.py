@@ -42,6 +42,9 @@ def _shown(log: LogFile, column: Column, of: dict[str, Column]) -> Column:
         return column
     unit = _unit_of(ratio)
     if not column.why.endswith(ASSUMED):
+        if of["time"].why.endswith(ASSUMED) and _off(1000.0 * ratio, column.unit) <= NEAR:
+            name = of["time"].name
+            raise ValueError(f"time: by the places and the speeds its column {name} is in ms: say --unit time=ms")
         _check(log, column, of, ratio, unit)
         return column
     if unit is None:

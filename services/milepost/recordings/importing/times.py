@@ -27,10 +27,11 @@ SINCE_1970 = (("ns", 1e17), ("us", 1e14), ("ms", 1e11), ("s", 1e8))
 class TimeFormat:
     """`unit`: a unit of time for numbers, `iso8601`, `hh:mm:ss`, or a pattern of `strptime`, whose seconds may have a fraction.
 
-    `direct`: a column map reads it as it is.
+    `direct`: a column map reads it as it is. `assumed`: nothing tells that its numbers are seconds.
     """
 
     unit: str
+    assumed: bool = False
 
     @property
     def direct(self) -> bool:
@@ -57,8 +58,8 @@ def time_format(texts: Sequence[str], named: str | None) -> TimeFormat | None:
     if not texts:
         return None
     if numbers := _enough([_number(text) for text in texts]):
-        unit = next((unit for unit, least in SINCE_1970 if max(numbers) > least), named or "s")
-        return TimeFormat(unit)
+        unit = next((unit for unit, least in SINCE_1970 if max(numbers) > least), named)
+        return TimeFormat(unit or "s", assumed=unit is None)
     for each in (TimeFormat(ISO), TimeFormat(CLOCK), *map(TimeFormat, PATTERNS)):
         if _enough([_read(each, text) for text in texts]):
             return each
