@@ -18,7 +18,9 @@ def test_endpoints_are_taken_as_they_are() -> None:
     assert endpoints([]) == []
 
 
-@pytest.mark.parametrize("given", ["", "garbage", "tcp/", "tcp/127.0.0.1", "tcp:127.0.0.1:7447", "foo/127.0.0.1:1", "serial/"])
+@pytest.mark.parametrize(
+    "given", ["", "garbage", "tcp/", "tcp/127.0.0.1", "tcp:127.0.0.1:7447", "foo/127.0.0.1:1", "serial/", "tcp/h:65536"]
+)
 def test_anything_else_is_one_line(given: str) -> None:
     with pytest.raises(ConfigError, match=r"^--connect: .* is not an endpoint such as tcp/127.0.0.1:7447$"):
         endpoints([ENDPOINTS[0], given])

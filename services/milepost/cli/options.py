@@ -16,6 +16,7 @@ from milepost.runtime.zenoh_config import DEFAULT_ENDPOINT
 DEFAULT_TRAIN = Path("full")
 # what Zenoh's links are called
 WITH_PORT, WITHOUT_PORT = ("tcp", "tls", "udp", "quic", "ws"), ("unixsock-stream", "unixpipe", "serial", "vsock")
+LAST_PORT = 65535
 DISTRIBUTIONS = ("milepost", "milepost-schemas")
 
 
@@ -58,7 +59,10 @@ def endpoints(given: list[str] | None) -> list[str] | None:
     """Endpoints as they are given. Raises ConfigError for what is none: to look for a router there would end in `no router`."""
     for each in given or ():
         protocol, _, address = each.partition("/")
-        whole = re.match(r".+:\d+", address) if protocol in WITH_PORT else address if protocol in WITHOUT_PORT else None
+        port = re.match(r".+:(\d+)", address)
+        whole = (
+            port is not None and int(port[1]) <= LAST_PORT if protocol in WITH_PORT else address and protocol in WITHOUT_PORT
+        )
         if not whole:
             raise ConfigError("--connect", "", f"{each!r} is not an endpoint such as {DEFAULT_ENDPOINT}")
     return given

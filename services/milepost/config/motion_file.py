@@ -20,6 +20,7 @@ from milepost_schemas.message import PositionM
 
 # times of recordings are good to a microsecond
 SAME_S = 1e-5
+END_M = 50.0  # a motion ends so far before its line's end
 Positive = Annotated[float, Field(gt=0.0)]
 
 
@@ -48,7 +49,9 @@ class WhiteJerkFile(BaseModel):
     def build(self, line: Line, seed: int, until_s: float | None) -> Motion:
         """The motion until the line's end or `until_s`. Raises ValueError("field: ...") if it has no end."""
         profile = Profile([(corner[0], corner[1]) for corner in self.profile], self.start_m, self.corner_s)
-        end_s = profile.reaches(line.length_m - 50.0)
+        if self.start_m >= (end_m := line.length_m - END_M):
+            raise ValueError(f"start_m: {self.start_m:g} is beyond where a motion ends, {end_m:g} m on line {line.name}")
+        end_s = profile.reaches(end_m)
         if until_s is None and math.isinf(end_s):
             raise ValueError("profile: does not reach the line's end: a duration is required")
         end_s = min(end_s, until_s or end_s)

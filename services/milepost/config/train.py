@@ -94,9 +94,9 @@ class Train:
 def load_train(path: Path, change: Mapping[str, Any] | None = None, seed: int | None = None) -> Train:
     """A train from its file, changed by `change` and, where it has a world, by `seed`. Raises ConfigError."""
     content = merged(read_yaml(path), change or {})
-    if seed is not None and content.get("world") is not None:
-        content = merged(content, {"world": {"seed": seed}})
     file = validate(path, content, TrainFile)
+    if seed is not None and file.world is not None:
+        file = file.model_copy(update={"world": file.world.model_copy(update={"seed": seed})})
     if not is_file(file.line):
         raise ConfigError(path, "line", f"{file.line}: no such file")
     line = load_line(file.line)
@@ -124,7 +124,7 @@ def load_train(path: Path, change: Mapping[str, Any] | None = None, seed: int | 
         raise ConfigError(path, "units", "no unit has a filter")
     for unit, sensor in train.sensors.items():
         _check_source(train, unit, sensor)
-    _check_geometry(train)
+    _check_line(train)
     return train
 
 
@@ -177,7 +177,11 @@ def _check_source(train: Train, unit: str, sensor: Sensor[Any]) -> None:
             raise ConfigError(train.path, f"world.motion.{field}", text) from error
 
 
-def _check_geometry(train: Train) -> None:
+def _check_line(train: Train) -> None:
+    prior, end_m = train.file.prior, train.line.length_m
+    if not -3.0 * prior.position_std_m <= prior.position_m <= end_m + 3.0 * prior.position_std_m:
+        text = f"{prior.position_m:g} is not on line {train.line.name}, 0 to {end_m:g} m"
+        raise ConfigError(train.path, "prior.position_m", text)
     for unit, sensor in train.sensors.items():
         if sensor.stream == "position_reading" and train.line.track is None:
             raise ConfigError(train.path, f"units.{unit}", f"requires a line with geometry; {train.line.name} has none")
