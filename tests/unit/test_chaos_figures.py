@@ -7,10 +7,14 @@ from typing import Any
 import pytest
 
 from examples import EXAMPLES, head
+from milepost.chaos.cells import Cell
 from milepost.chaos.figures import measure
+from milepost.chaos.matrix import judged
+from milepost.chaos.view import View
 from milepost_schemas import FusedState, Truth
 
 MS = 1_000_000
+CELL = Cell("a cell", lambda stack: None, 1.0)
 T0 = 1_700_000_000_000 * MS
 
 
@@ -58,6 +62,30 @@ def test_a_truth_outside_either_interval_is_a_violation() -> None:
     found = measure([(at(20 * k + 5), state(k)) for k in range(4)], truths, [], at(90))
     assert (found.compared, found.violations) == (3, 2)
     assert found.error_m == pytest.approx(2.1)
+
+
+@pytest.mark.parametrize(
+    ("first", "again", "awaiting", "contradicted"),
+    [(100.0, 100.0, [], 0), (100.0, 100.1, [], 1), (100.0, 100.1, ["radar"], 0)],
+)
+def test_an_epoch_may_be_said_twice_but_not_contradicted(
+    first: float, again: float, awaiting: list[str], contradicted: int
+) -> None:
+    """Two fusers say the same of an epoch, unless one of them still awaited a reading."""
+    received = [
+        (at(5), state(0, first).model_copy(update={"awaiting": awaiting})),
+        (at(6), state(0, again).model_copy(update={"awaiting": []})),
+    ]
+    found = measure(received, {}, [], at(10))
+    assert (found.repeated, found.contradicted) == (1, contradicted)
+    assert any("something else" in each for each in judged(CELL, found)) == bool(contradicted)
+
+
+def test_a_process_that_is_none_is_one_sentence() -> None:
+    view = View()
+    view.name, view.jobs = "full", {"fuser": None, "sensor-gnss": None}  # type: ignore[dict-item]
+    with pytest.raises(LookupError, match=r"^full has no process 'fusser'; did you mean 'fuser'\?; it has fuser, sensor-gnss$"):
+        view.pid("fusser")
 
 
 def test_nothing_received_is_no_figure() -> None:

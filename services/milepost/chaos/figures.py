@@ -16,7 +16,8 @@ Stall = tuple[int, int]
 class Figures:
     """The figures of a stretch; `stall_s`: the part of the longest gap in which the machine itself stood still.
 
-    `refused`: messages that the train's processes refused meanwhile.
+    `repeated`: states of epochs that were there before, `contradicted`: those of them that say something else, though neither
+    awaited anything. `refused`: messages that the train's processes refused meanwhile.
     """
 
     states: int = 0
@@ -27,6 +28,7 @@ class Figures:
     violations: int = 0
     missing: int = 0
     repeated: int = 0
+    contradicted: int = 0
     refused: int = 0
     recovery_s: float | None = None
 
@@ -40,7 +42,9 @@ def measure(received: Sequence[Received], truths: Mapping[int, Truth], stalls: S
     """The figures of states as received; a gap lasts from a state to the next one of a later epoch, the last to `until_ns`."""
     out = Figures(states=len(received))
     newest: Received | None = None
+    said: dict[int, FusedState] = {}
     for at_ns, state in received:
+        out.contradicted += _contradicts(said.setdefault(state.epoch, state), state)
         if newest is not None and state.epoch <= newest[1].epoch:
             out.repeated += 1
             continue
@@ -55,6 +59,12 @@ def measure(received: Sequence[Received], truths: Mapping[int, Truth], stalls: S
         if (truth := truths.get(state.measured_at_ns)) is not None:
             _compare(out, state, truth)
     return out
+
+
+def _contradicts(first: FusedState, again: FusedState) -> bool:
+    """Whether two states of an epoch place the train differently, though neither awaited anything."""
+    places = {(s.position_m, s.position_min_m, s.position_max_m, s.speed_mps) for s in (first, again)}
+    return len(places) > 1 and not (first.awaiting or again.awaiting)
 
 
 def _gap(out: Figures, before_ns: int, after_ns: int, stalls: Sequence[Stall]) -> None:

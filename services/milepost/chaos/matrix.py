@@ -106,5 +106,7 @@ def judged(cell: Cell, figures: Figures) -> Iterator[str]:
         yield f"{figures.own_gap_s:.2f} s without a state, at most {cell.gap_s:g} s are allowed"
     if figures.violations:
         yield f"{figures.violations} states whose interval did not hold the truth"
+    if figures.contradicted:
+        yield f"{figures.contradicted} states say something else of an epoch than one before, though neither awaited anything"
     if not figures.compared and figures.states:
         yield "no state could be compared with the truth"

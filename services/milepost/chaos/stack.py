@@ -32,6 +32,7 @@ from .view import View
 from .witness import witnessing
 
 NORMAL_S = 40.0
+LONGEST_S = 3600.0
 # so many states after the recovery still belong to a measured stretch
 TAIL = 25
 
@@ -110,6 +111,7 @@ class Stack(View):
     def stop(self, process: str, for_s: float) -> None:
         """SIGSTOP, and SIGCONT after so long; returns then."""
         pid = self.pid(process)
+        _check_s("for_s", for_s)
         os.kill(pid, signal.SIGSTOP)
         try:
             time.sleep(for_s)
@@ -141,6 +143,7 @@ class Stack(View):
 
     def link(self, process: str) -> list[Link]:
         """The links of a process with the routers; the first time, the process is replaced by one that has such links."""
+        self.pid(process)
         if process not in self._links:
             links = [Link(endpoint) for endpoint in self.endpoints]
             for each in links:
@@ -155,9 +158,11 @@ class Stack(View):
 
     def delay(self, process: str, by_s: float, for_s: float) -> None:
         """Delay all that a process sends and hears, for so long; returns then."""
+        _check_s("by_s", by_s)
         self._disturb(process, for_s, lambda each: each.delay(by_s))
 
     def _disturb(self, process: str, for_s: float, how: Callable[[Link], None]) -> None:
+        _check_s("for_s", for_s)
         links = self.link(process)
         for each in links:
             how(each)
@@ -228,6 +233,11 @@ class Stack(View):
         figures.recovery_s = time.monotonic() - begun
         heard = len(self.witness.received)
         self.wait_for(lambda: len(self.witness.received) >= heard + TAIL, 10.0, f"{TAIL} states more")
+
+
+def _check_s(name: str, seconds: float) -> None:
+    if not 0.0 <= seconds <= LONGEST_S:
+        raise ValueError(f"{name}: must be between 0 and {LONGEST_S:g} s, not {seconds!r}")
 
 
 def _ended(pid: int) -> bool:

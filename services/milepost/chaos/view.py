@@ -9,6 +9,7 @@ from typing import Any
 
 import psutil
 
+from milepost.recordings.options import nearest
 from milepost.runtime.instances import Token
 from milepost.runtime.launch import Job, is_router
 from milepost_schemas import Event, FusedState
@@ -93,6 +94,10 @@ class View:
 
     def pid(self, process: str) -> int:
         """The process id of a process. Raises LookupError."""
+        if process not in self.jobs:
+            raise LookupError(
+                f"{self.name} has no process {process!r}{nearest(process, self.jobs)}; it has {', '.join(self.jobs)}"
+            )
         return self._started[process] if process in self._started else self.train.pid_of(*self.jobs[process].words[1:])
 
     def refused(self) -> int:

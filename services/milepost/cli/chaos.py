@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import signal
 import sys
+import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -16,7 +17,10 @@ from milepost.config.errors import ConfigError
 
 def run_chaos(train_file: Path, only: Sequence[str], as_json: bool, report: Path | None, show: bool) -> int:
     """Run the matrix and print it; 1 where a cell failed. Raises ConfigError."""
-    _check(report)
+    if not all(only):
+        raise ConfigError("chaos", "--only", "is empty")
+    if not show:
+        _check(report)
     wanted = planned(train_file, only)
     if not wanted:
         raise ConfigError("chaos", "--only", f"no cell matches {', '.join(only)}; --list shows all")
@@ -40,14 +44,22 @@ def run_soak(train_file: Path, minutes: float, seed: int, only: Sequence[str], a
     text = json.dumps(out.as_dict())
     print(text if as_json else soak_text(out))
     if report is not None:
-        report.mkdir(parents=True, exist_ok=True)
         (report / "soak.json").write_text(text + "\n", encoding="utf-8")
     return int(not out.passed)
 
 
 def _check(report: Path | None) -> None:
-    if report is not None and report.exists() and not report.is_dir():
+    """Whether results can be written, before a train is broken for a quarter of an hour."""
+    if report is None:
+        return
+    if report.exists() and not report.is_dir():
         raise ConfigError(report, "", "is not a folder")
+    try:
+        report.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=report):
+            pass
+    except OSError as error:
+        raise ConfigError(report, "", f"cannot be written to: {error.strerror}") from error
 
 
 def _end_with_the_train() -> None:
@@ -68,7 +80,6 @@ def _finish(outcomes: list[Outcome], as_json: bool, report: Path | None) -> int:
     found = [outcome.as_dict() for outcome in outcomes]
     print(json.dumps(found) if as_json else summary(outcomes))
     if report is not None:
-        report.mkdir(parents=True, exist_ok=True)
         (report / "results.json").write_text(json.dumps(found, indent=2) + "\n", encoding="utf-8")
         lines = [HEAD, *(row(outcome) for outcome in outcomes), summary(outcomes)]
         (report / "matrix.txt").write_text("\n".join(lines) + "\n", encoding="utf-8")
