@@ -214,6 +214,35 @@ class TestACutOffFile:
         assert lost > 0
         assert unsaid == []
 
+    @pytest.mark.parametrize("change", [-700, -9, -1, 1, 9, 700])
+    @pytest.mark.parametrize("ended", [True, False])
+    def test_bytes_that_are_missing_or_too_many_take_one_chunk_and_that_is_said(
+        self, tmp_path: Path, ended: bool, change: int
+    ) -> None:
+        """GIVEN a file WHEN bytes are cut out of a chunk, or put in, THEN the chunks after it are read, and all is told."""
+        made = RecordingFile(tmp_path / "whole.mcap")
+        noise = random.Random(1)
+        for chunk in range(4):
+            for n in range(10):
+                made.add(Incoming(KEY, ENCODING, T0 + 10 * chunk + n, noise.randbytes(300)), head_of(b""))
+            made.flush()
+        if ended:
+            made.close()
+        whole = (tmp_path / "whole.mcap").read_bytes()
+        sent = recorded(tmp_path / "whole.mcap")
+        at = whole.index(sent[15].payload)
+        path = tmp_path / "spoilt.mcap"
+        path.write_bytes(whole[:at] + (noise.randbytes(change) + whole[at:] if change > 0 else whole[at - change :]))
+        reader = McapReader(path)
+        found = list(reader.messages())
+        assert [each for each in sent if each in found] == found
+        assert found[:10] == sent[:10]
+        assert found[-20:] == sent[-20:]
+        assert reader.damaged
+        assert not reader.whole
+        if not ended:
+            made.abandon()
+
     def test_a_file_that_was_only_opened_is_cut_off_and_empty(self, tmp_path: Path) -> None:
         for size in range(8):
             (tmp_path / "a.mcap").write_bytes(b"\x89MCAP0\r\n"[:size])

@@ -38,14 +38,14 @@ class Exported:
     messages: int = 0
     written: list[Path] = field(default_factory=list)
     refused: dict[str, int] = field(default_factory=dict)
-    damaged: list[str] = field(default_factory=list)
+    flaws: list[str] = field(default_factory=list)
 
     @property
     def lines(self) -> list[str]:
         """The same as sentences."""
         out = [f"{self.messages} messages -> {', '.join(map(str, self.written))}"]
         out += [f"left out {count}: {reason}" for reason, count in self.refused.items()]
-        return out + [f"damaged: {damage}" for damage in self.damaged]
+        return out + self.flaws
 
 
 @contextmanager
@@ -85,7 +85,7 @@ def export(files: Sequence[Path], writers: Sequence[Output], progress: Callable[
             if number % PROGRESS_EVERY == 0:
                 progress(before + reader.read_bytes)
         before += path.stat().st_size
-        done.damaged += [f"{path.name}: {damage}" for damage in reader.damaged]
+        done.flaws += reader.flaws
     done.written = [path for writer in writers for path in writer.written]
     return done
 

@@ -87,6 +87,13 @@ class McapReader:
         except OSError as error:
             raise ConfigError(self.path, "", error.strerror or "cannot be read") from error
 
+    @property
+    def flaws(self) -> list[str]:
+        """What is wrong with it, in sentences, known after all has been read."""
+        if self.damaged or self.whole:
+            return [f"{self.path.name}: damaged: {damage}" for damage in self.damaged]
+        return [f"{self.path.name}: cut off: read as far as it goes"]
+
     def read_metadata(self) -> dict[str, dict[str, str]]:
         """What the recorder wrote about the recording, without reading the messages."""
         with self.path.open("rb") as file:

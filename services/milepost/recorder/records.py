@@ -23,6 +23,9 @@ HEADER = struct.Struct("<BQ")
 # summary_start, summary_offset_start and summary_crc
 FOOTER = HEADER.size + 20
 KNOWN = frozenset(range(Opcode.HEADER, Opcode.DATA_END + 1))
+# how the compression stands in a chunk's header, after two times, a size and a sum
+ZSTD, ZSTD_AT = struct.pack("<I4s", 4, b"zstd"), HEADER.size + 8 + 8 + 8 + 4
+SEARCHED_BYTES = 1 << 20
 
 
 class Span(NamedTuple):
@@ -60,7 +63,8 @@ def index_of(file: IO[bytes]) -> Summary | None:
 def spans(file: IO[bytes], index: Summary | None, damaged: list[str]) -> Iterator[Span]:
     """Every whole record up to the end of the data; what is none is told in `damaged`.
 
-    Where there is no index, a record that would go on beyond the end is no damage: the file was cut off in it.
+    Where there is no index, a record that would go on beyond the end is no damage, unless a chunk comes after it: the file was
+    cut off in it.
     """
     size, at = file.seek(0, 2), len(MAGIC)
     chunks = [] if index is None else index.chunk_indexes
@@ -76,15 +80,41 @@ def spans(file: IO[bytes], index: Summary | None, damaged: list[str]) -> Iterato
         elif span is not None and span.opcode == Opcode.DATA_END and not left:
             return
         elif span is None or span.opcode not in KNOWN or span.opcode == Opcode.DATA_END or (left and span.end > left[-1][0]):
-            until = left[-1][0] if left else size
-            if at < until and (index is not None or span is not None):
+            further = left[-1][0] if left else _next_chunk(file, at + 1, size, size)
+            until = size if further is None else further
+            if at < until and (index is not None or span is not None or further is not None):
                 damaged.append(f"bytes {at} to {until - 1}: no whole record")
-            if not left:
+            if further is None:
                 return
-            at = until
+            at = further
             continue
-        yield span
-        at = span.end
+        # bytes that are cut out of a chunk make it reach into the next one
+        inner = _next_chunk(file, span.begin, span.end, size) if span.opcode == Opcode.CHUNK and index is None else None
+        if inner is None:
+            yield span
+        else:
+            damaged.append(f"bytes {at} to {inner - 1}: no whole record")
+        at = span.end if inner is None else inner
+
+
+def _next_chunk(file: IO[bytes], from_: int, until: int, size: int) -> int | None:
+    """Where a chunk begins of which nothing else tells, from a byte on and before another; None where there is none."""
+    at, kept = from_, b""
+    while at < until:
+        file.seek(at)
+        read = file.read(min(SEARCHED_BYTES, until - at))
+        if not read:  # the file has become shorter
+            return None
+        block, begins = kept + read, at - len(kept)
+        found = block.find(ZSTD)
+        while found >= 0:
+            chunk = begins + found - ZSTD_AT
+            span = _span(file, chunk, size) if chunk >= from_ else None
+            if span is not None and span.opcode == Opcode.CHUNK:
+                return chunk
+            found = block.find(ZSTD, found + 1)
+        at, kept = begins + len(block), block[-len(ZSTD) + 1 :]
+    return None
 
 
 def _span(file: IO[bytes], at: int, size: int) -> Span | None:

@@ -24,8 +24,8 @@ def run_replay(recording: Path, speed: float, connection: Connection) -> int:
         except TrainIsRunningError as error:
             print(f"milepost: {error}", file=sys.stderr)
             return 1
-    for damage in done.damaged:
-        print(f"milepost: damaged: {damage}", file=sys.stderr)
+    for flaw in done.flaws:
+        print(f"milepost: {flaw}", file=sys.stderr)
     late = f"; the latest one {done.latest_s * 1e3:.0f} ms late" if done.latest_s >= 0.01 else ""
     print(f"{done.sent} messages of {done.span_s:.1f} s sent{late}; {done.left_out} left out", file=sys.stderr)
     return 0 if done.sent else 1

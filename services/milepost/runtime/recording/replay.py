@@ -43,7 +43,7 @@ class Replayed:
     left_out: int = 0
     span_s: float = 0.0
     latest_s: float = 0.0
-    damaged: list[str] = field(default_factory=list)
+    flaws: list[str] = field(default_factory=list)
 
 
 def replay(files: Sequence[Path], speed: float, connection: Connection, progress: Callable[[int], None]) -> Replayed:
@@ -74,7 +74,7 @@ def _paced(files: Sequence[Path], speed: float, done: Replayed, progress: Callab
         yield message
         if number % PROGRESS_EVERY == 0:
             progress(sum(reader.read_bytes for readers in trains for reader in readers))
-    done.damaged = [f"{reader.path.name}: {damage}" for readers in trains for reader in readers for damage in reader.damaged]
+    done.flaws = [flaw for readers in trains for reader in readers for flaw in reader.flaws]
 
 
 class _Sender:
