@@ -98,7 +98,7 @@ def test_the_page_follows_the_train(train, tab):
     assert seen == sorted(set(seen))
     assert len(set(marker)) == len(marker)
     assert re.fullmatch(r"\d+\.\d", text(tab, "speed"))
-    assert re.fullmatch(r"< 1 s|[1-5] s", text(tab, "age"))
+    assert re.fullmatch(r"(< 1 s|[1-5] s) ago", text(tab, "age"))
     assert "inside the protected interval" in text(tab, "error")
     assert tab.locator("#line-note").inner_text() == "18.6 km, 18 balises, 2 tunnels, 3 stations"
     names = [each.text_content() for each in tab.locator("#whole text.name").all()]
@@ -131,6 +131,18 @@ def test_a_fault_that_is_injected_by_hand_is_shown_with_the_excluded_unit(train,
         state, lambda m: all(each["unit"] != "radar-rear" for each in m["excluded"]), 60.0, "the radar in use again"
     )
     sync_api.expect(tab.locator("#units tr", has_text="radar-rear")).to_contain_text("in use")
+
+
+def test_a_fault_for_no_time_is_not_injected(train, tab):
+    """GIVEN 0 s, WHEN a fault is to be injected, THEN the page says what is wrong, and asks no sensor."""
+    _, _, address = train
+    tab.goto(f"{address}/train/full-1")
+    panel = tab.locator(".inject")
+    panel.wait_for(state="visible")
+    panel.get_by_label("size").fill("5")
+    panel.get_by_label("For (s)").fill("0")
+    panel.get_by_role("button", name="Inject").click()
+    sync_api.expect(panel.locator(".answer")).to_contain_text("must be greater than 0")
 
 
 @pytest.mark.parametrize("width", [360, 1280])

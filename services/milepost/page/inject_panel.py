@@ -31,7 +31,7 @@ class _Panel:
                 self._fault = ui.select({}, label="Fault", on_change=self._fault_chosen)
                 self._fault.props("outlined dense").classes("choice wide-choice")
                 self._inputs = ui.element("div").classes("inputs")
-                self._for_s = ui.number("For (s)", value=FOR_S, min=0.1).props("outlined dense")
+                self._for_s = ui.number("For (s)", value=FOR_S).props("outlined dense")
                 ui.button("Inject", on_click=self._inject).props("unelevated no-caps text-color=on-accent")
                 ui.button("End all of this sensor", on_click=self._clear).props("outline no-caps")
             self._answer = ui.label().props('role="status"').classes("answer")
@@ -45,12 +45,15 @@ class _Panel:
         self.card.set_visibility(bool(allowed and units))
         if units != self._unit.options:
             self._unit.set_options(units, value=self._unit.value if self._unit.value in units else units[0] if units else None)
+        # what a sensor sends, and so which faults fit it, is known a second after it has come
+        self._unit_chosen()
 
     def _unit_chosen(self) -> None:
         found = self._heard.train(self._train)
         health = None if found is None else found.healths.get(f"sensor-{self._unit.value}")
         faults = faults_for(health)
-        self._fault.set_options(faults, value=self._fault.value if self._fault.value in faults else next(iter(faults)))
+        if list(faults) != list(self._fault.options):
+            self._fault.set_options(faults, value=self._fault.value if self._fault.value in faults else next(iter(faults)))
 
     def _fault_chosen(self) -> None:
         self._inputs.clear()
@@ -75,6 +78,9 @@ class _Panel:
         missing = [each for each in self._options if each.required and self._values.get(each.name) in (None, "")]
         if missing:
             self._show(Answer(False, f"{missing[0].name.replace('_', ' ')}: required ({missing[0].about})"))
+            return
+        if self._for_s.value is not None and self._for_s.value <= 0.0:
+            self._show(Answer(False, "For (s): must be greater than 0, or empty: until it is ended"))
             return
         words = words_of(self._options, self._values)
         await self._send(Order(self._train, self._unit.value or "", self._fault.value or "", words, self._for_s.value))

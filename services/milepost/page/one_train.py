@@ -47,7 +47,7 @@ def _head(train: TrainHeard, now_ns: int) -> Fields:
         "level": words.level,
         "word": words.word,
         "meaning": words.meaning,
-        "age": age(train.age_s(now_ns)),
+        "age": "none yet" if train.age_s(now_ns) is None else f"{age(train.age_s(now_ns))} ago",
         "line": last.line if last else UNKNOWN,
         "last_known": "",
         # where to draw it, also when it is silent: then it is drawn as the last place that was known
