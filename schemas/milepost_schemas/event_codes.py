@@ -62,7 +62,7 @@ EVENT_CODES: tuple[EventCode, ...] = (
     EventCode(
         "clock_wrong",
         "error",
-        "a fuser's or the voter's clock differs from most others', or all that it hears comes late: it goes by their time",
+        "the clock of a fuser, voter or filter differs from most others', or all that it hears comes late: it goes by theirs",
         "set the clock of its machine (PTP or NTP), or see what delays its connection",
     ),
     EventCode("clock_right", "info", "its clock is right again; a fuser may lead"),

@@ -50,12 +50,14 @@ class Mortal(Wrapped):
 class Pair:
     """A maglev train with two fusers, each in the hands of the test, and what a dispatch tool would have seen."""
 
-    def __init__(self, around: Callable[[Node], Any] = Mortal) -> None:
+    def __init__(self, around: Callable[[Node], Any] = Mortal, **others: Callable[[Node], Any]) -> None:
+        """`others`: what is around other processes, by role."""
         train = load_train(MAGLEV, {"fusion": {"replicas": 2}})
         self.states: list[tuple[FusedState, int]] = []
         self.truth: dict[int, Truth] = {}
         self.events: list[Event] = []
         self.fusers: dict[str, Any] = {}
+        self.others: dict[str, Any] = {}
         setting = Setting("", train.world(END_S), OFFLINE_START_NS, live=True)
         nodes = []
         for process in processes(train, live=True):
@@ -63,6 +65,8 @@ class Pair:
             node = ROLES[process.role].build(train, process.unit, named)
             if process.role == "fuser":
                 node = self.fusers[process.name] = around(node)
+            elif process.role in others:
+                node = self.others[process.name] = others[process.role](node)
             nodes.append(node)
         self.bus = MemoryBus(nodes, self._tap)
         for name in self.fusers:

@@ -23,7 +23,7 @@ def misled(pair: Pair, unit: str, ahead_s: float, now_s: float) -> None:
     head = {"train": "maglev", "unit": unit, "instance": "test", "sequence": 0}
     head |= {"measured_at_ns": at(now_s), "published_at_ns": at(now_s)}
     fault = {"kind": "wrong_clock", "numbers": {"by_s": ahead_s}} if ahead_s else {}
-    (answer,) = pair.fusers[unit].step(FaultCommand(**head, **fault), at(now_s))
+    (answer,) = {**pair.fusers, **pair.others}[unit].step(FaultCommand(**head, **fault), at(now_s))
     assert answer.message.code == ("fault_injected" if ahead_s else "fault_cleared")
 
 
@@ -126,3 +126,20 @@ def test_where_the_other_one_is_stopped_meanwhile_no_state_is_of_another_time(wr
     assert {state.status for state, now in pair.states if now > at(1.0)} == {"normal"}
     assert pair.longest_gap_ms() <= 600.0
     assert codes(pair, "fuser") == []
+
+
+@pytest.mark.parametrize("wrong_s", [-3600.0, -2.0, -0.3, 0.3, 2.0, 3600.0])
+def test_a_filter_on_a_host_with_a_wrong_clock_is_of_use(wrong_s: float) -> None:
+    """GIVEN a train on several hosts WHEN the clock of a filter's is wrong THEN it goes by the others' time, and says so.
+
+    One two seconds behind took every reading for one from the future, and its unit fell silent.
+    """
+    pair = Pair(filter=WrongClock)
+    pair.until(3.0)
+    misled(pair, "filter-radar", wrong_s, 3.0)
+    pair.until(END_S)
+    told = [event for event in pair.events if event.code == "clock_wrong"]
+    assert [event.text.partition(":")[0] for event in told] == ["filter-radar"]
+    assert {state.status for state, now in pair.states if now > at(3.0)} == {"normal"}
+    assert not any(state.excluded for state, now in pair.states if now > at(3.0))
+    assert no_epoch_twice_or_missing(pair)

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from milepost.config.creep_file import CreepFile
 from milepost.config.train import load_train
+from milepost.config.world.creep_file import CreepFile
 from milepost.config.yaml_files import ConfigError
 from milepost.simulation.creep import GRAVITY_MPS2, Adhesion, Creep, CreepEvent
 from milepost.track.line import Line

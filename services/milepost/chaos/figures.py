@@ -16,8 +16,8 @@ Stall = tuple[int, int]
 class Figures:
     """The figures of a stretch; `stall_s`: the part of the longest gap in which the machine itself stood still.
 
-    `repeated`: states of epochs that were there before, `contradicted`: those of them that say something else, though neither
-    awaited anything. `refused`: messages that the train's processes refused meanwhile.
+    `repeated`: states of epochs that were there before, `contradicted`: those of them that place the train outside the
+    other's interval, though neither awaited anything. `refused`: messages that the train's processes refused meanwhile.
     """
 
     states: int = 0
@@ -62,9 +62,11 @@ def measure(received: Sequence[Received], truths: Mapping[int, Truth], stalls: S
 
 
 def _contradicts(first: FusedState, again: FusedState) -> bool:
-    """Whether two states of an epoch place the train differently, though neither awaited anything."""
-    places = {(s.position_m, s.position_min_m, s.position_max_m, s.speed_mps) for s in (first, again)}
-    return len(places) > 1 and not (first.awaiting or again.awaiting)
+    """Whether of two states of an epoch one places the train where the other says that it is not; neither awaited anything."""
+    if first.awaiting or again.awaiting:
+        return False
+    pairs = (first, again), (again, first)
+    return not all(bounds.position_min_m <= place.position_m <= bounds.position_max_m for bounds, place in pairs)
 
 
 def _gap(out: Figures, before_ns: int, after_ns: int, stalls: Sequence[Stall]) -> None:

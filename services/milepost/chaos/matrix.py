@@ -107,6 +107,6 @@ def judged(cell: Cell, figures: Figures) -> Iterator[str]:
     if figures.violations:
         yield f"{figures.violations} states whose interval did not hold the truth"
     if figures.contradicted:
-        yield f"{figures.contradicted} states say something else of an epoch than one before, though neither awaited anything"
+        yield f"{figures.contradicted} states contradict one of the same epoch, though neither awaited anything"
     if not figures.compared and figures.states:
         yield "no state could be compared with the truth"

@@ -121,11 +121,18 @@ def _filter(train: Train, unit: str, setting: Setting) -> Node:
     )
     kind, options = train.filters[unit]
     order = list(train.sensors).index(unit)
-    return FilterNode(train.name, setting.instance, sensor, kind(setup, options), order, fusion.feedback)
+    node = FilterNode(train.name, setting.instance, sensor, kind(setup, options), order, fusion.feedback)
+    return _timed(node, train, process_name("filter", unit)) if setting.live and fusion.feedback else node
 
 
 def _balise(train: Train, unit: str, setting: Setting) -> Node:  # noqa: ARG001
     return BaliseNode(train.name, setting.instance, train.balise_readers, train.line)
+
+
+def _timed(node: Node, train: Train, name: str = "") -> Node:
+    """A node that hears others enough to tell whether its own host's clock is wrong."""
+    fusion = train.file.fusion
+    return Timed(node, late_after_ns(fusion.period_ms * 1_000_000, round(fusion.deadline_ms * 1e6)), name=name)
 
 
 def _fuser(train: Train, unit: str, setting: Setting) -> Node:
@@ -140,8 +147,7 @@ def _fuser(train: Train, unit: str, setting: Setting) -> Node:
 def _one_of_several(node: Node, train: Train, settings: FuserSettings) -> Node:
     replicas = ROLES["fuser"].instances(train)
     if train.file.fusion.voting is not None:
-        candidate = CandidateNode(node, _tolerance(train.file.fusion.voting), settings.period_ns)
-        return Timed(candidate, late_after_ns(settings.period_ns, settings.deadline_ns))
+        return _timed(CandidateNode(node, _tolerance(train.file.fusion.voting), settings.period_ns), train)
     return node if len(replicas) == 1 else ReplicaNode(node, replicas, settings.period_ns, settings.deadline_ns)
 
 
@@ -150,54 +156,35 @@ def _tolerance(voting: VotingFile) -> Tolerance:
 
 
 def _voter(train: Train, unit: str, setting: Setting) -> Node:
-    fusion, fusers = train.file.fusion, ROLES["fuser"].instances(train)
-    if fusion.voting is None:
+    fusion, voting = train.file.fusion, train.file.fusion.voting
+    if voting is None:
         raise ConfigError(train.path, "fusion.voting", "required for the role `voter`")
-    voting, period_ns = fusion.voting, fusion.period_ms * 1_000_000
-    tolerance = _tolerance(voting)
-    deadline_ns, readmit_ns = round(voting.deadline_ms * 1e6), round(voting.readmit_after_s * NS_PER_S)
-    voter = VoterNode(train.name, setting.instance, fusers, tolerance, period_ns, deadline_ns, readmit_ns, unit)
-    return Timed(voter, late_after_ns(period_ns, deadline_ns))
+    period_ns, deadline_ns, readmit_ns = (
+        round(ms * 1e6) for ms in (fusion.period_ms, voting.deadline_ms, voting.readmit_after_s * 1e3)
+    )
+    fusers, tolerance = ROLES["fuser"].instances(train), _tolerance(voting)
+    node = VoterNode(train.name, setting.instance, fusers, tolerance, period_ns, deadline_ns, readmit_ns, unit)
+    return _timed(node, train)
 
 
-def _fusers(train: Train) -> int:
-    return train.file.fusion.replicas
+def _one(name: str, needed: Callable[[Train], bool] = lambda train: True) -> Callable[[Train], list[str]]:  # noqa: ARG005
+    return lambda train: [name] if needed(train) else []
 
 
-def _world_units(train: Train) -> list[str]:
-    return ["world"] if train.has_scenario_time else []
-
-
-def _one(name: str) -> Callable[[Train], list[str]]:
-    return lambda train: [name]  # noqa: ARG005
-
-
-def _voters(train: Train) -> list[str]:
-    return ["voter"] if train.file.fusion.voting is not None else []
+def _votes(train: Train) -> bool:
+    return train.file.fusion.voting is not None
 
 
 def _fused(train: Train, unit: str) -> tuple[str, ...]:  # noqa: ARG001
-    return ("state", "feedback") if train.file.fusion.voting is None else ("candidate",)
+    return ("candidate",) if _votes(train) else ("state", "feedback")
 
 
 def _always(*streams: str) -> Callable[[Train, str], tuple[str, ...]]:
     return lambda train, unit: streams  # noqa: ARG005
 
 
-def _etcs_units(train: Train) -> list[str]:
-    return ["etcs"] if train.file.etcs is not None else []
-
-
-def _balise_units(train: Train) -> list[str]:
-    return ["balise"] if train.balise_readers else []
-
-
 def _truth(train: Train, unit: str) -> tuple[str, ...]:  # noqa: ARG001
     return ("truth",) if train.file.world is not None else ()
-
-
-def _readings(train: Train, unit: str) -> tuple[str, ...]:
-    return (train.sensors[unit].stream,)
 
 
 def _etcs(train: Train, unit: str, setting: Setting) -> Node:  # noqa: ARG001
@@ -208,18 +195,32 @@ def _etcs(train: Train, unit: str, setting: Setting) -> Node:  # noqa: ARG001
     return PositionReportNode(train.name, setting.instance, balise_groups(train.line), etcs.on_board, every_ns)
 
 
+_ETCS = "position reports as ERTMS/ETCS sends them"
+_WORLD = "scenario time, and the truth where there is one"
+_SENSOR = "a unit's readings"
+_BALISE = "telegrams into absolute fixes"
 _VOTED = "what two of three fusers agree on"
 _FUSED = "one state an epoch from all estimates and fixes"
 ROLES: dict[str, Role] = {
     role.name: role
     for role in (
-        Role("etcs", "position reports as ERTMS/ETCS sends them", False, False, _etcs_units, _etcs, _always("position_report")),
-        Role("voter", _VOTED, False, False, _voters, _voter, _always("state", "feedback"), live_only=True),
-        Role("fuser", _FUSED, False, False, _one("fuser"), _fuser, _fused, _fusers),
+        Role("etcs", _ETCS, False, False, _one("etcs", lambda t: t.file.etcs is not None), _etcs, _always("position_report")),
+        Role("voter", _VOTED, False, False, _one("voter", _votes), _voter, _always("state", "feedback"), live_only=True),
+        Role("fuser", _FUSED, False, False, _one("fuser"), _fuser, _fused, lambda t: t.file.fusion.replicas),
         Role("filter", "a unit's local filter", True, False, lambda t: t.fused_units, _filter, _always("estimate")),
-        Role("balise", "telegrams into absolute fixes", False, False, _balise_units, _balise, _always("fix")),
-        Role("sensor", "a unit's readings", True, True, lambda t: list(t.sensors), _sensor, _readings),
-        Role("world", "scenario time, and the truth where there is one", False, True, _world_units, _world, _truth),
+        Role(
+            "balise",
+            "telegrams into absolute fixes",
+            False,
+            False,
+            _one("balise", lambda t: bool(t.balise_readers)),
+            _balise,
+            _always("fix"),
+        ),
+        Role(
+            "sensor", "a unit's readings", True, True, lambda t: list(t.sensors), _sensor, lambda t, u: (t.sensors[u].stream,)
+        ),
+        Role("world", _WORLD, False, True, _one("world", lambda t: t.has_scenario_time), _world, _truth),
     )
 }
 

@@ -20,9 +20,9 @@ from milepost_schemas import BY_NAME
 from .etcs_file import balise_groups
 from .line_file import load_line
 from .mistakes import must_be_one_of
-from .motion_file import RecordedFile
 from .shipped_files import is_file
 from .train_file import BySpeedFile, TrainFile
+from .world.motion_file import RecordedFile
 from .yaml_files import ConfigError, merged, read_yaml, validate, validate_dataclass
 
 

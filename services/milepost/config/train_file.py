@@ -12,10 +12,10 @@ from milepost.fusion.rules import RULES
 from milepost.recordings.options import STRICT, DataPath
 from milepost_schemas.message import Name, PositionM, SpeedMps
 
-from .creep_file import CreepFile
 from .etcs_file import EtcsFile
 from .mistakes import must_be_one_of
-from .motion_file import MotionFile
+from .world.creep_file import CreepFile
+from .world.motion_file import MotionFile
 
 Positive = Annotated[float, Field(gt=0.0)]
 

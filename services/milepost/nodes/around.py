@@ -26,6 +26,11 @@ class Around(Node):
         self.inner.keep_time(lateness)
 
     @property
+    def innermost(self) -> Node:
+        """The node itself, without those around it."""
+        return self.inner.innermost
+
+    @property
     def rewinds(self) -> int:
         """How often a late observation caused a rewind."""
         return self.inner.rewinds

@@ -84,6 +84,11 @@ class Node:
         self.lateness = lateness
 
     @property
+    def innermost(self) -> Node:
+        """The node itself, without those around it."""
+        return self
+
+    @property
     def rewinds(self) -> int:
         """How often a late message caused a rewind."""
         return 0

@@ -8,7 +8,7 @@ import os
 from collections.abc import Iterable
 from pathlib import Path
 
-from milepost.nodes.base import Output
+from milepost.nodes.base import Node, Output
 from milepost.nodes.filter import FilterNode
 
 from .logs.records import log_event
@@ -70,8 +70,9 @@ class CalibrationStore:
             self._failing = False
 
 
-def calibration_store_for(node: object, train: str, folder: Path | None) -> CalibrationStore | None:
+def calibration_store_for(node: Node, train: str, folder: Path | None) -> CalibrationStore | None:
     """The store of a filter's node; without a folder nothing is kept."""
-    if folder is None or not isinstance(node, FilterNode):
+    own = node.innermost
+    if folder is None or not isinstance(own, FilterNode):
         return None
-    return CalibrationStore(node, folder / f"{train}.{node.unit}.json")
+    return CalibrationStore(own, folder / f"{train}.{node.unit}.json")

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 
 from milepost.nodes.around import Around
 from milepost.nodes.base import Node, Output, Subscription
-from milepost_schemas import Feedback, Message, SnapshotPart
+from milepost_schemas import FaultCommand, Feedback, Message, SnapshotPart
 
 from .own_clock import Told, TrustedTime
 
@@ -14,13 +14,15 @@ from .own_clock import Told, TrustedTime
 class Timed(Around):
     """The node `inner`, which never sees a clock that is wrong: it is told the time that the others' messages show.
 
-    `late_ns`: a clock that is off by more is wrong. `consequence`: what follows from that, for people.
+    `late_ns`: a clock that is off by more is wrong. `name`: the process's, where its unit has several. `consequence`: what
+    follows from a wrong clock, for people.
     """
 
     consequence = "it goes by their time"
 
-    def __init__(self, inner: Node, late_ns: int, *more: Subscription) -> None:
+    def __init__(self, inner: Node, late_ns: int, *more: Subscription, name: str = "") -> None:
         super().__init__(inner, *more)
+        self._name = name or inner.unit
         # one instance has one numbering
         self._sequences = inner._sequences
         self._time = TrustedTime(late_ns)
@@ -58,7 +60,7 @@ class Timed(Around):
 
     def _hears(self, message: Message, now_ns: int) -> None:
         """Note when others say that it is."""
-        if message.unit != self.unit:
+        if message.instance != self.instance and not isinstance(message, FaultCommand):
             self._time.heard(message.unit, message.published_at_ns, now_ns)
 
     def _news(self, at: int) -> Iterator[Output]:
@@ -67,9 +69,9 @@ class Timed(Around):
         if wrong is None:
             return
         if not wrong:
-            yield self.event("info", "clock_right", f"{self.unit}: its clock is right again", at)
+            yield self.event("info", "clock_right", f"{self._name}: its clock is right again", at)
             return
         ahead_ns = self._time.ahead_ns
         off = f"{abs(ahead_ns) * 1e-9:.2f} s {'ahead of' if ahead_ns > 0 else 'behind'}"
-        text = f"{self.unit}: its clock is {off} most others', or all that it hears comes late: {self.consequence}"
+        text = f"{self._name}: its clock is {off} most others', or all that it hears comes late: {self.consequence}"
         yield self.event("error", "clock_wrong", text, at)
