@@ -64,6 +64,76 @@ def test_a_late_observation_replays_only_what_follows_it():
     assert (timeline.counters.rewinds, timeline.counters.replayed) == (1, 2)
 
 
+class Counted:
+    """A kernel whose state is the numbers of those taken, in order, and that counts its work."""
+
+    def __init__(self) -> None:
+        self.work = 0
+
+    def advance(self, state, dt_s):
+        return state
+
+    def take(self, state, observation):
+        self.work += 1
+        return (*state[-800:], (observation.unit, observation.sequence))
+
+
+def two_units(late_s: float, for_s: float = 12.0):
+    """Two units at 100 Hz, the readings of one `late_s` late: what came when, in order."""
+    came = [(0.01 * i, speed(0.01 * i, i, unit="a")) for i in range(round(100 * for_s))]
+    came += [(0.01 * i + late_s, speed(0.01 * i + 0.005, i, unit="b", order=1)) for i in range(round(100 * (for_s - late_s)))]
+    return sorted(came, key=lambda each: each[0])
+
+
+@pytest.mark.parametrize("late_s", [0.02, 0.2, 1.0, 3.0, 4.9])
+def test_a_unit_that_is_always_late_costs_no_more_the_later_it_is(late_s: float):
+    """GIVEN two units at 100 Hz, one of them late, WHEN 50 live states a second are asked for, THEN they stay affordable.
+
+    Three seconds late it cost 300 times the work, and the live states of a train fell behind for as long.
+    """
+    kernel, came = Counted(), two_units(late_s)
+    timeline, asked_s = Timeline(kernel, (), SECOND), 0.0
+    for now_s, observation in came:
+        while asked_s <= now_s:
+            timeline.advance_to(T0 + round(asked_s * NS_PER_S))
+            timeline.live_at(T0 + round(asked_s * NS_PER_S))
+            asked_s += 0.02
+        assert timeline.insert(observation, T0 + round(now_s * NS_PER_S)) is None
+    assert kernel.work <= 8 * len(came)
+
+
+@pytest.mark.parametrize("late_s", [0.2, 3.0])
+def test_what_waits_is_in_every_state_that_is_not_live(late_s: float):
+    ordered, timeline = Timeline(Counted(), (), SECOND), Timeline(Counted(), (), SECOND)
+    end_ns = 0
+    for now_s, observation in two_units(late_s, 8.0):
+        end_ns = T0 + round(now_s * NS_PER_S)
+        timeline.live_at(end_ns)
+        timeline.insert(observation, end_ns)
+        if observation.sequence % 50 == 7:
+            # what is asked for between does not matter
+            timeline.state_at(end_ns - NS_PER_S)
+    for _, observation in sorted(two_units(late_s, 8.0), key=lambda each: each[1].measured_at_ns):
+        ordered.insert(observation, observation.measured_at_ns)
+    for back_s in (4.0, 2.0, 0.0):
+        at_ns = end_ns - round(back_s * NS_PER_S)
+        assert timeline.state_at(at_ns) == ordered.state_at(at_ns)
+
+
+def test_what_an_interruption_kept_back_is_soon_in_the_live_state():
+    """GIVEN readings of two seconds that come at once WHEN they have come THEN a tenth of a second later they count."""
+    timeline = Timeline(Counted(), (), SECOND)
+    for i in range(300):
+        timeline.insert(speed(0.01 * i, i, unit="a"), T0 + round(0.01 * i * NS_PER_S))
+    now_ns = T0 + 3 * NS_PER_S
+    timeline.live_at(now_ns)
+    for i in range(100, 300):
+        timeline.insert(speed(0.01 * i + 0.005, i, unit="b", order=1), now_ns)
+    assert not any(unit == "b" and i < 250 for unit, i in timeline.live_at(now_ns))
+    timeline.advance_to(now_ns + 100_000_000)
+    assert sum(unit == "b" for unit, _ in timeline.live_at(now_ns)) == 200
+
+
 def test_a_state_at_a_time_adds_no_knot():
     kernel = Log()
     timeline = Timeline(kernel, [], SECOND)

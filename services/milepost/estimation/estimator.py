@@ -15,12 +15,13 @@ from milepost.estimation.time_units import S_PER_NS
 
 from .gaussian import check_share, inflate_common, replace_common
 from .kalman import ArrayKernel
+from .kept import Counters, Kept
 from .layout import N_COMMON, Array, Layout
 from .motion import full_process_noise, full_transition
 from .observation import Observation
 from .scalar import ScalarKernel
 from .scalar_private import PrivateScalarKernel
-from .timeline import Counters, Kept, Timeline
+from .timeline import Timeline
 
 
 @dataclass(frozen=True)
@@ -119,9 +120,9 @@ class Estimator:
         mean, shared = self.kernel.unpack(self._timeline.state_at(base_ns))
         return replace_common(mean, shared, mean[:N_COMMON], self._share * shared[:N_COMMON, :N_COMMON])
 
-    def raw_at(self, at_ns: int) -> Any | None:
-        """The belief at a time in the kernel's form; None where nothing is known."""
-        return self._timeline.state_at(at_ns)
+    def raw_at(self, at_ns: int, live: bool = False) -> Any | None:
+        """The belief at a time in the kernel's form; None where nothing is known. `live`: what came late may be missing."""
+        return self._timeline.live_at(at_ns) if live else self._timeline.state_at(at_ns)
 
     def lists_at(self, at_ns: int) -> tuple[list[float], list[list[float]]] | None:
         """Mean (n) and covariance (n, n) at a time as lists: messages take no arrays."""

@@ -8,9 +8,10 @@ is a function of the set of observations alone: the same bits for any order of a
 from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
-from dataclasses import dataclass, field
-from typing import Any, NamedTuple, Protocol
+from typing import Any, Protocol
 
+from .kept import Counters, Kept
+from .late import AT_ONCE, Late
 from .observation import Identity, Observation, Place, rank, untimely
 from .time_units import S_PER_NS
 
@@ -26,33 +27,13 @@ class Kernel(Protocol):
     def take(self, state: Any, observation: Observation) -> Any: ...
 
 
-@dataclass(slots=True)
-class Counters:
-    """The numbers of accepted, rewound, replayed and, by reason, refused observations."""
-
-    accepted: int = 0
-    rewinds: int = 0
-    replayed: int = 0
-    refused: dict[str, int] = field(default_factory=dict)
-
-
-class Kept(NamedTuple):
-    """What a timeline holds: the belief before the knots and its time, and the identities seen that are no knots' any more."""
-
-    base: Any
-    base_ns: int | None
-    rebased: bool
-    boundary_ns: int
-    absorbed: frozenset[Identity]
-    knots: tuple[Observation, ...]
-
-
 class Timeline:
     """Observations over a sliding horizon, and the belief at any time in it.
 
     `prior` is the kernel's state before the earliest observation, and moves back if an earlier one arrives; after
     `rebase` the base is fixed at a time instead. The settled boundary is `now` - `horizon_ns`, `now` being the largest
-    time so far: older observations are refused, and states before it can no longer change.
+    time so far: older observations are refused, and states before it can no longer change. `state_at` has all observations;
+    `live_at` may still lack some that came late (see `late`).
     """
 
     def __init__(self, kernel: Kernel, prior: Any, horizon_ns: int) -> None:
@@ -69,6 +50,7 @@ class Timeline:
         self._seen: set[Identity] = set()
         self._boundary_ns = 0
         self._forget_at = FORGET_AT_LEAST
+        self._late = Late()
 
     @property
     def base_ns(self) -> int | None:
@@ -110,12 +92,20 @@ class Timeline:
         if self._rebased and self._base_ns is not None and at <= self._base_ns:
             return "absorbed"
         self.counters.accepted += 1
-        self._place(observation)
+        place = bisect_right(self._keys, observation.place)
+        if place and self._valid - place > AT_ONCE:
+            self._late.add(observation, now_ns)
+        else:
+            self._place(observation)
         return None
 
     def untimely(self, at_ns: int, now_ns: int) -> str | None:
         """The reason for which an observation of this time would be refused; None if it would not."""
         return untimely(at_ns, max(self._boundary_ns, now_ns - self.horizon_ns), now_ns)
+
+    def _take_late(self, late: list[Observation]) -> None:
+        for observation in late:
+            self._place(observation)
 
     def _place(self, observation: Observation) -> None:
         key = observation.place
@@ -129,6 +119,7 @@ class Timeline:
         self._states.insert(place, None)
 
     def _keep_the_least(self, observation: Observation) -> None:
+        self._take_late(self._late.taken())
         place = bisect_left(self._keys, observation.place)
         if place == len(self._keys) or self._keys[place] != observation.place:
             return  # the base has absorbed it
@@ -138,6 +129,7 @@ class Timeline:
 
     def rebase(self, at_ns: int, state: Any) -> None:
         """Make `state` the belief at `at_ns`: it contains all observations until then; later ones are replayed on it."""
+        self._take_late(self._late.taken())
         place = self._count_until(at_ns)
         self._drop(place)
         self._base, self._base_ns, self._rebased = state, at_ns, True
@@ -149,6 +141,7 @@ class Timeline:
 
         So a timeline that continues from it takes the same steps, and comes to the same bits.
         """
+        self._take_late(self._late.taken())
         place = self._count_until(self._boundary_ns - 1)
         base, base_ns, rebased = self._base, self._base_ns, self._rebased
         if place:
@@ -170,6 +163,16 @@ class Timeline:
 
     def state_at(self, at_ns: int) -> Any | None:
         """The belief at a time, from all observations until then; None before the base. A side branch: it adds no knot."""
+        if self._late.earliest_ns <= at_ns:
+            self._take_late(self._late.taken())
+        return self._state_at(at_ns)
+
+    def live_at(self, at_ns: int) -> Any | None:
+        """The same, without observations that are so late that others like them are awaited."""
+        self._take_late(self._late.due(self._boundary_ns + self.horizon_ns))
+        return self._state_at(at_ns)
+
+    def _state_at(self, at_ns: int) -> Any | None:
         place = self._count_until(at_ns)
         if place:
             self._replay(place)
@@ -211,6 +214,8 @@ class Timeline:
             self._forget()
         if len(self._keys) < PRUNE_AT_LEAST or self._keys[PRUNE_AT_LEAST - 1][0] >= self._boundary_ns:
             return
+        if self._late.earliest_ns < self._boundary_ns:
+            self._take_late(self._late.taken())
         place = self._count_until(self._boundary_ns - 1)
         self._replay(place)
         state, at = self._states[place - 1], self._keys[place - 1][0]

@@ -6,10 +6,10 @@ from collections.abc import Mapping, Sequence
 from typing import ClassVar
 
 from milepost.estimation.estimator import Estimator, Prior
+from milepost.estimation.kept import Kept
 from milepost.estimation.layout import Array, Layout
 from milepost.estimation.observation import Observation
 from milepost.estimation.time_units import NS_PER_S
-from milepost.estimation.timeline import Kept
 
 from .bank import BankKernel
 from .bank_state import Bank, protected
@@ -71,9 +71,9 @@ class InformationFusion:
         """Continue from what another fuser of this train holds. Where that cannot be computed, nothing changes."""
         self.estimator.resume(kept)
 
-    def state_at(self, at_ns: int, shares: Mapping[str, float]) -> Fused | None:  # noqa: ARG002
-        """The belief over all states from all observations until then."""
-        bank: Bank | None = self.estimator.raw_at(at_ns)
+    def state_at(self, at_ns: int, shares: Mapping[str, float], live: bool = False) -> Fused | None:  # noqa: ARG002
+        """The belief over all states from all observations until then; `live`: what came late may be missing."""
+        bank: Bank | None = self.estimator.raw_at(at_ns, live)
         if bank is None or bank.since_ns is None:
             return None
         mean, covariance = self.estimator.kernel.lists(bank)

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import ClassVar, NamedTuple, Protocol
 
+from milepost.estimation.kept import Counters, Kept
 from milepost.estimation.layout import Array
 from milepost.estimation.observation import Observation
-from milepost.estimation.timeline import Counters, Kept
 
 from .hypotheses import Doubts
 from .readings import Judge
@@ -56,7 +56,8 @@ class Fused(NamedTuple):
 class FusionRule(Protocol):
     """The interface of a fusion rule. `take_...` return the reason for a refusal, None where an observation is accepted.
 
-    `needs_shares`: whether the fused state depends on the shares. `kept`: all that its states depend on, for a replica that
+    `needs_shares`: whether the fused state depends on the shares. `live`: a state may lack what came late and waits for others.
+    `kept`: all that its states depend on, for a replica that
     `resume`s from it; None where there is nothing to be handed over.
     """
 
@@ -71,5 +72,5 @@ class FusionRule(Protocol):
     def start_from(self, at_ns: int, mean: Array, covariance: Array) -> None: ...
     def kept(self) -> Kept | None: ...
     def resume(self, kept: Kept) -> None: ...
-    def state_at(self, at_ns: int, shares: Mapping[str, float]) -> Fused | None: ...
+    def state_at(self, at_ns: int, shares: Mapping[str, float], live: bool = False) -> Fused | None: ...
     def advance_to(self, now_ns: int) -> None: ...

@@ -201,7 +201,7 @@ class FuserNode(Node):
         if self._rule.needs_shares:
             speed_mps, variances = (before.speed_mps, before.variances) if before else (self._prior_mps, UNKNOWN)
             presence = roster.at(epoch_ns, live, {}, speed_mps, variances)
-        fused = self._rule.state_at(epoch_ns, presence.shares if presence else {})
+        fused = self._rule.state_at(epoch_ns, presence.shares if presence else {}, live)
         if fused is None:
             return None
         if presence is None or roster.follows_state:

@@ -10,11 +10,11 @@ import numpy as np
 
 from milepost.estimation.estimator import Prior, kernel_for
 from milepost.estimation.kalman import update
+from milepost.estimation.kept import Counters, Kept
 from milepost.estimation.layout import COMMON, Array, Layout
 from milepost.estimation.motion import transition
 from milepost.estimation.observation import Identity, Observation, Place, untimely
 from milepost.estimation.time_units import S_PER_NS
-from milepost.estimation.timeline import Counters, Kept
 
 from ..hypotheses import Doubts
 from ..readings import Judge
@@ -96,7 +96,7 @@ class FederatedFusion:
     def resume(self, kept: Kept) -> None:
         """Nothing to do."""
 
-    def state_at(self, at_ns: int, shares: Mapping[str, float]) -> Fused | None:
+    def state_at(self, at_ns: int, shares: Mapping[str, float], live: bool = False) -> Fused | None:  # noqa: ARG002
         """Equations (12)-(13) over the reporting units, then the update by the waiting fixes."""
         last = {unit: b for unit, share in shares.items() if share > 0.0 and (b := self._last(unit, at_ns)) is not None}
         if self._feedback:

@@ -8,9 +8,9 @@ from typing import Any, NamedTuple
 
 import msgpack
 
+from milepost.estimation.kept import Kept
 from milepost.estimation.observation import FUTURE_NS
 from milepost.estimation.time_units import NS_PER_S
-from milepost.estimation.timeline import Kept
 from milepost.fusion.rule import FusionRule
 from milepost.nodes.catching_up.agreement import same_motion
 from milepost.nodes.epochs import BACKLOG_NS, Times
