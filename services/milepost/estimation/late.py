@@ -7,7 +7,7 @@ from .observation import Observation
 # a late observation that makes more beliefs than this be computed again waits for others
 AT_ONCE = 32
 # what an interruption kept back comes within so long
-TOGETHER_NS = 100_000_000
+TOGETHER_NS = 50_000_000
 NEVER_NS = 1 << 63
 
 
