@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from .observation import Observation
+from .observation import Observation, rank
 
 # a late observation that makes more beliefs than this be computed again waits for others
 AT_ONCE = 32
 # so many beliefs, and two for each observation since the last one, are computed again for a live state, which meanwhile is
 # without what was late
-AT_A_TIME = 64
+AT_A_TIME = 8
 # what an interruption kept back comes within so long
 TOGETHER_NS = 50_000_000
 NEVER_NS = 1 << 63
@@ -34,6 +34,12 @@ class Late:
             self._due_ns = max(now_ns + TOGETHER_NS, self._taken_ns + now_ns - at)
         self._waiting.append(observation)
         self.earliest_ns = min(self.earliest_ns, at)
+
+    def keep_the_least(self, observation: Observation) -> None:
+        """Of several with the same identity the least stays."""
+        for i, other in enumerate(self._waiting):
+            if other.place == observation.place and rank(observation) < rank(other):
+                self._waiting[i] = observation
 
     def due(self, now_ns: int) -> list[Observation]:
         """All, where it is time to take them in."""

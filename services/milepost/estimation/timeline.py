@@ -113,11 +113,11 @@ class Timeline:
             self._place(observation)
 
     def _keep_the_least(self, observation: Observation) -> None:
-        self._take_late()
         chain, key = self._chain, observation.place
         place = bisect_left(chain.keys, key)
         if place == len(chain.keys) or chain.keys[place] != key:
-            return  # the base has absorbed it
+            self._late.keep_the_least(observation)  # or the base has absorbed it
+            return
         if rank(observation) < rank(chain.knots[place]):
             chain.knots[place], self._live = observation, None
             chain.valid = min(chain.valid, place)
