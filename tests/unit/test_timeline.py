@@ -135,7 +135,7 @@ def test_of_several_that_wait_the_least_stays_whichever_came_first():
 
 
 def test_what_an_interruption_kept_back_is_soon_in_the_live_state():
-    """GIVEN readings of two seconds that come at once WHEN they have come THEN they count a second later, and no state waits."""
+    """GIVEN readings of two seconds that come at once WHEN they have come THEN a second later they count; no state waits."""
     kernel = Counted()
     timeline = Timeline(kernel, (), SECOND)
     for i in range(300):
