@@ -96,7 +96,7 @@ def test_a_unit_that_is_always_late_costs_no_more_the_later_it_is(late_s: float)
     for now_s, observation in came:
         while asked_s <= now_s:
             timeline.advance_to(T0 + round(asked_s * NS_PER_S))
-            timeline.live_at(T0 + round(asked_s * NS_PER_S))
+            timeline.live_at(T0 + round(asked_s * NS_PER_S), 8)
             asked_s += 0.02
         assert timeline.insert(observation, T0 + round(now_s * NS_PER_S)) is None
     assert kernel.work <= 8 * len(came)
@@ -108,7 +108,7 @@ def test_what_waits_is_in_every_state_that_is_not_live(late_s: float):
     end_ns = 0
     for now_s, observation in two_units(late_s, 8.0):
         end_ns = T0 + round(now_s * NS_PER_S)
-        timeline.live_at(end_ns)
+        timeline.live_at(end_ns, 8)
         timeline.insert(observation, end_ns)
         if observation.sequence % 50 == 7:
             # what is asked for between does not matter
@@ -126,10 +126,10 @@ def test_of_several_that_wait_the_least_stays_whichever_came_first():
         timeline = Timeline(Log(), [], SECOND)
         for i in range(200):
             timeline.insert(speed(0.01 * i, i, unit="a"), T0 + round(0.01 * i * NS_PER_S))
-        timeline.live_at(T0 + 2 * NS_PER_S)
+        timeline.live_at(T0 + 2 * NS_PER_S, 8)
         reasons = [timeline.insert(speed(0.5, 1, value, "b", 1), T0 + 2 * NS_PER_S) for value in values]
         assert reasons == [None, "duplicate"]
-        assert 20.0 in timeline.live_at(T0 + 2 * NS_PER_S)
+        assert 20.0 in timeline.live_at(T0 + 2 * NS_PER_S, 8)
         states.append(timeline.state_at(T0 + 2 * NS_PER_S))
     assert states[0] == states[1]
 
@@ -141,14 +141,14 @@ def test_what_an_interruption_kept_back_is_soon_in_the_live_state():
     for i in range(300):
         timeline.insert(speed(0.01 * i, i, unit="a"), T0 + round(0.01 * i * NS_PER_S))
     now_ns = T0 + 3 * NS_PER_S
-    timeline.live_at(now_ns)
+    timeline.live_at(now_ns, 8)
     for i in range(100, 300):
         timeline.insert(speed(0.01 * i + 0.005, i, unit="b", order=1), now_ns)
     counts, work = [], []
     for _ in range(60):
         before, now_ns = kernel.work, now_ns + 20_000_000
         timeline.advance_to(now_ns)
-        counts.append(sum(unit == "b" for unit, _ in timeline.live_at(now_ns)))
+        counts.append(sum(unit == "b" for unit, _ in timeline.live_at(now_ns, 8)))
         work.append(kernel.work - before)
     assert counts[0] < 50
     assert counts[-1] == 200

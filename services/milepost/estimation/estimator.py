@@ -120,9 +120,13 @@ class Estimator:
         mean, shared = self.kernel.unpack(self._timeline.state_at(base_ns))
         return replace_common(mean, shared, mean[:N_COMMON], self._share * shared[:N_COMMON, :N_COMMON])
 
-    def raw_at(self, at_ns: int, live: bool = False) -> Any | None:
-        """The belief at a time in the kernel's form; None where nothing is known. `live`: what came late may be missing."""
-        return self._timeline.live_at(at_ns) if live else self._timeline.state_at(at_ns)
+    def raw_at(self, at_ns: int, at_a_time: int | None = None) -> Any | None:
+        """The belief at a time in the kernel's form; None where nothing is known.
+
+        `at_a_time`: of what came late, so many beliefs are computed again, and the rest may be missing.
+        """
+        timeline = self._timeline
+        return timeline.state_at(at_ns) if at_a_time is None else timeline.live_at(at_ns, at_a_time)
 
     def lists_at(self, at_ns: int) -> tuple[list[float], list[list[float]]] | None:
         """Mean (n) and covariance (n, n) at a time as lists: messages take no arrays."""

@@ -6,9 +6,6 @@ from .observation import Observation, rank
 
 # a late observation that makes more beliefs than this be computed again waits for others
 AT_ONCE = 32
-# so many beliefs, and two for each observation since the last one, are computed again for a live state, which meanwhile is
-# without what was late
-AT_A_TIME = 8
 # what an interruption kept back comes within so long
 TOGETHER_NS = 50_000_000
 NEVER_NS = 1 << 63

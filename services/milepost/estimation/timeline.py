@@ -12,7 +12,7 @@ from typing import Any
 
 from .chain import Chain, Kernel
 from .kept import Counters, Kept
-from .late import AT_A_TIME, AT_ONCE, Late
+from .late import AT_ONCE, Late
 from .observation import Identity, Observation, rank, untimely
 
 # deleting from the front of a list costs its length, so it is done for many knots at once
@@ -155,8 +155,11 @@ class Timeline:
             self._take_late()
         return self._chain.state_at(at_ns)
 
-    def live_at(self, at_ns: int) -> Any | None:
-        """The same, without observations that came so late that others like them are awaited, or are being taken in."""
+    def live_at(self, at_ns: int, at_a_time: int) -> Any | None:
+        """The same, without observations that came so late that others like them are awaited, or are being taken in.
+
+        For them so many beliefs are computed again, and two for each observation since the last time.
+        """
         chain = self._chain
         late = self._late.due(self._boundary_ns + self.horizon_ns)
         if late and self._live is None:
@@ -166,7 +169,7 @@ class Timeline:
         came, self._accepted = self.counters.accepted - self._accepted, self.counters.accepted
         if self._live is not None:
             until = chain.count_until(at_ns)
-            chain.replay(min(until, chain.valid + AT_A_TIME + 2 * came))
+            chain.replay(min(until, chain.valid + at_a_time + 2 * came))
             if chain.valid < until:
                 return self._live.state_at(at_ns)
             self._live = None

@@ -13,9 +13,12 @@ from milepost.estimation.time_units import NS_PER_S
 
 from .bank import BankKernel
 from .bank_state import Bank, protected
-from .hypotheses import Doubts
+from .hypotheses import NOBODY, Doubts
 from .readings import Judge
 from .rule import NO_DOUBTS, NO_JUDGES, Fused, LocalBelief
+
+# of what came late, so many rows are computed again for each live state, and no fewer than so many beliefs
+ROWS_AT_A_TIME, LEAST_AT_A_TIME = 400, 8
 
 
 class InformationFusion:
@@ -42,6 +45,9 @@ class InformationFusion:
             return BankKernel(layout, q, judges, doubts, horizon_ns / NS_PER_S)
 
         self.estimator = Estimator(layout, jerk_psd, prior, horizon_ns, kernels=bank)
+        # a bank's step costs as much as it has rows, and no live state may wait for what came late
+        rows = len(self.estimator.kernel.rows(NOBODY, frozenset(), NOBODY).sets)
+        self._at_a_time = max(LEAST_AT_A_TIME, ROWS_AT_A_TIME // rows)
         self.names = layout.names
         self.counters = self.estimator.counters
 
@@ -73,7 +79,7 @@ class InformationFusion:
 
     def state_at(self, at_ns: int, shares: Mapping[str, float], live: bool = False) -> Fused | None:  # noqa: ARG002
         """The belief over all states from all observations until then; `live`: what came late may be missing."""
-        bank: Bank | None = self.estimator.raw_at(at_ns, live)
+        bank: Bank | None = self.estimator.raw_at(at_ns, self._at_a_time if live else None)
         if bank is None or bank.since_ns is None:
             return None
         mean, covariance = self.estimator.kernel.lists(bank)
