@@ -30,8 +30,8 @@ def set_clock(off_s: float) -> Callable[[Stack, str], None]:
         begun = len(stack.events)
         stack.inject(process, "wrong_clock", CLOCK_FOR_S, by_s=off_s)
         # one that was ahead stands still before it is right
-        over = process, process, "clock_wrong", "clock_right"
-        stack.wait_for(lambda: _told(stack, begun, *over), TOLD_S, f"the clock of {process} is right")
+        said = process, process, "clock_wrong", "clock_right"
+        stack.wait_for(lambda: _told(stack, begun, *said), TOLD_S, f"the clock of {process} is right")
 
     return blow
 

@@ -44,7 +44,7 @@ class Timeline:
 
     @property
     def kernel(self) -> Any:
-        """The mathematics of its steps; another one counts from the next `rebase` on."""
+        """The mathematics of its steps; another one takes those to come."""
         return self._chain.kernel
 
     @kernel.setter

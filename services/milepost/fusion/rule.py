@@ -57,8 +57,7 @@ class FusionRule(Protocol):
     """The interface of a fusion rule. `take_...` return the reason for a refusal, None where an observation is accepted.
 
     `needs_shares`: whether the fused state depends on the shares. `live`: a state may lack what came late and waits for others.
-    `kept`: all that its states depend on, for a replica that
-    `resume`s from it; None where there is nothing to be handed over.
+    `kept`: all that its states depend on, for a replica that `resume`s from it; None where there is nothing to be handed over.
     """
 
     needs_shares: ClassVar[bool]

@@ -5,6 +5,9 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+# of latitude, and of longitude at the equator
+METRES_PER_DEGREE = 111_200.0
+
 
 class Unit(NamedTuple):
     """What is measured, and the factor to that quantity's SI unit."""

@@ -9,6 +9,7 @@ import numpy as np
 
 from milepost.recordings.importing.rows import Array, Rows
 from milepost.recordings.importing.source import Span
+from milepost.recordings.units import METRES_PER_DEGREE
 from milepost.track.from_fixes import noise_of, path_through
 from milepost.track.track import Track
 
@@ -19,7 +20,6 @@ from ..yaml_files import ConfigError
 NEAR_M, NEAR_PART = 50.0, 0.5
 MOST_PROJECTED = 5000
 GAP_TOLD_M = 100.0
-METRES_PER_DEGREE = 111_200.0
 
 
 @dataclass(frozen=True)

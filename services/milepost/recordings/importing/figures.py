@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ..units import METRES_PER_DEGREE
 from .rows import Array, Rows
 from .solutions import BEST_FIRST
 
@@ -25,7 +26,6 @@ LEAST_WITHHELD_S, LEAST_SPEED_MPS = 3.0, 2.0
 SECOND_DIFFERENCE = 6.0
 # so many fixes that are apart tell whether a receiver's course is one
 LEAST_COURSES, COURSE_M = 10, 20.0
-METRES_PER_DEGREE = 111_200.0
 
 
 def good_solutions(solution: Sequence[str]) -> list[str]:

@@ -6,7 +6,7 @@ import math
 from dataclasses import replace
 from itertools import islice
 
-from ..units import UNITS
+from ..units import METRES_PER_DEGREE, UNITS
 from .columns import ASSUMED, Column, Said, columns_of
 from .log_file import LogFile
 
@@ -14,7 +14,6 @@ from .log_file import LogFile
 USUAL = ("m/s", "km/h", "mph", "kn", "ft/s", "cm/s", "mm/s")
 # the way is taken in legs that are long beside the noise of fixes, over so much of a log at most
 LEG_M, WAY_M, MOST_ROWS = 20.0, 1000.0, 50_000
-DEGREE_M = 111_200.0
 # a knot is 15 % more than a mile an hour
 NEAR, FITS = 0.06, 0.02
 
@@ -106,4 +105,4 @@ def _metres_by_number(log: LogFile, column: Column, of: dict[str, Column]) -> fl
 def _apart_m(a: tuple[float, float], b: tuple[float, float]) -> float:
     """The distance of two near places, latitude and longitude in degrees."""
     east_deg = (b[1] - a[1] + 180.0) % 360.0 - 180.0
-    return DEGREE_M * math.hypot(b[0] - a[0], east_deg * math.cos(math.radians(a[0])))
+    return METRES_PER_DEGREE * math.hypot(b[0] - a[0], east_deg * math.cos(math.radians(a[0])))
