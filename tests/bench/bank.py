@@ -34,7 +34,7 @@ class OneBelief(InformationFusion):
         self.estimator = Estimator(layout, jerk_psd, prior, horizon_ns)
         self.names, self.counters = layout.names, self.estimator.counters
 
-    def state_at(self, at_ns, shares):
+    def state_at(self, at_ns, shares, live=False):
         found = self.estimator.lists_at(at_ns)
         return found and Fused(*found, {}, self.estimator.timeline.earliest_ns)
 
@@ -42,7 +42,7 @@ class OneBelief(InformationFusion):
 RULES["one belief"] = OneBelief
 
 
-def measure_bank(train_file: Path) -> dict[str, float]:
+def measure_bank(train_file: Path, duration_s: float = DURATION_S, rounds: int = ROUNDS) -> dict[str, float]:
     """µs of a fuser's step, estimate in, state and feedback out: with its bank, and with one belief; rounds alternate."""
     train = load_train(train_file)
     heard: list = []
@@ -51,13 +51,13 @@ def measure_bank(train_file: Path) -> dict[str, float]:
         if output.stream in ("estimate", "fix"):
             heard.append((output.message, now))
 
-    simulate(train, DURATION_S, listen)
+    simulate(train, duration_s, listen)
     bank = fuser_settings(train)
     one = replace(bank, rule="one belief", judges={}, doubts=Doubts())
     spent: dict[str, list[float]] = {"bank": [], "one": []}
     # a process of a train collects as rarely
     with rare_collection():
-        for _ in range(ROUNDS):
+        for _ in range(rounds):
             for name, settings in (("bank", bank), ("one", one)):
                 node = FuserNode(train.name, "bench", settings, train.line)
                 begun = timeit.default_timer()
