@@ -22,6 +22,7 @@ from milepost.runtime import zenoh_config
 
 pytest.importorskip("cryptography")
 from milepost.security.authority import IDENTITY, ROOT, Authority
+from milepost.security.bundle import BETWEEN_ROUTERS_S
 
 TOP = "milepost/v1/full-1"
 FORGED = b"forged"
@@ -311,6 +312,7 @@ def test_all_certificates_are_replaced_while_the_train_runs(secure: Secure) -> N
     heard = [(at, m["epoch"]) for at, m in secure.dispatch.heard[f"{TOP}/state"] if first <= m["epoch"] <= end]
     gaps_s = [(b[0] - a[0]) * 1e-9 for a, b in pairwise(heard)]
     print(f"rotation: longest gap {max(gaps_s):.3f} s, missing {end - first + 1 - len({epoch for _, epoch in heard})}")
-    assert max(gaps_s) < 1.0
+    # everybody is connected again before the next router goes; how fast depends on the machine
+    assert max(gaps_s) < BETWEEN_ROUTERS_S
     assert end - first + 1 - len({epoch for _, epoch in heard}) <= 25
     secure.goes_on()
