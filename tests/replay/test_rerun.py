@@ -177,7 +177,11 @@ class TestMcap:
     def test_what_is_left_of_a_file_that_was_cut_off_settles_to_the_same_states(self, recorded, tmp_path):
         whole = self.written(recorded, tmp_path / "m.mcap").read_bytes()
         (tmp_path / "cut.mcap").write_bytes(whole[: len(whole) * 2 // 3])
-        left = rerun(tmp_path / "cut.mcap", tmp_path / "states.jsonl", "estimates").splitlines()
+        done = milepost(
+            "rerun", tmp_path / "cut.mcap", "--train", TRAIN, "--out", tmp_path / "states.jsonl", "--from", "estimates"
+        )
+        assert f"{tmp_path}/cut.mcap: cut off: read as far as it goes" in done.stderr
+        left = (tmp_path / "states.jsonl").read_bytes().splitlines()
         assert 50 < len(left) < len(recorded.settled.splitlines())
         assert left[:-1] == recorded.settled.splitlines()[: len(left) - 1]
 
@@ -196,6 +200,7 @@ class TestMcap:
         done = milepost("rerun", made, "--train", TRAIN, "--out", tmp_path / "states.jsonl")
         assert done.returncode == 0
         assert "recorded with other settings, or another version" in done.stderr.splitlines()[-1]
+        assert "cut off" not in done.stderr
         assert (tmp_path / "states.jsonl").read_bytes() == recorded.settled
 
     def test_a_damaged_part_is_counted_and_reported(self, recorded, tmp_path):

@@ -32,12 +32,14 @@ class Source(Protocol):
     """A file of recorded messages. `noun`: what an entry of it is called.
 
     `fingerprint`: of the settings with which the train ran, once it has been read; empty where the file does not say.
+    `cut_off`: whether its end is missing, once it has been read.
     """
 
     path: Path
     noun: str
     read_bytes: int
     fingerprint: str
+    cut_off: bool
 
     def entries(self) -> Iterator[tuple[int, Entry | Refused]]:
         """Each entry's number, from 1, and the entry, or why it is none."""
@@ -66,6 +68,8 @@ class JsonLines:
     read_bytes: int = 0
     noun: str = "line"
     fingerprint: str = ""
+    # a last line that is not whole is refused
+    cut_off: bool = False
 
     def entries(self) -> Iterator[tuple[int, Entry | Refused]]:
         """Each line that is not empty."""
@@ -98,6 +102,7 @@ class McapFile:
     read_bytes: int = 0
     noun: str = "message"
     fingerprint: str = ""
+    cut_off: bool = False
 
     def __post_init__(self) -> None:
         self.noun = f"{self.path.name}: message"
@@ -116,6 +121,6 @@ class McapFile:
                 number,
                 Entry(message.key, clock.at(message.at_ns), partial(unpack, message.payload), message.encoding),
             )
-        self.read_bytes = reader.read_bytes
+        self.read_bytes, self.cut_off = reader.read_bytes, not (reader.whole or reader.damaged)
         for number, damage in enumerate(reader.damaged, start=1):
             yield number, Refused("damaged", damage)

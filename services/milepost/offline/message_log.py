@@ -57,6 +57,10 @@ class Reader:
         """The files whose train ran with other settings or another version, among those that say so and have been read."""
         return [source.path for source in self.sources if source.fingerprint not in ("", fingerprint)]
 
+    def cut_off(self) -> list[Path]:
+        """The files whose end is missing, among those that have been read."""
+        return [source.path for source in self.sources if source.cut_off]
+
     def messages(self) -> Iterator[tuple[str, str, Message, int]]:
         """(stream, unit, message, received_at_ns) of every message of the wanted kinds ("reading", "estimate", "fix")."""
         latest_ns = 0

@@ -56,6 +56,8 @@ def run_rerun(readings: Path, train_file: Path, scenario: Path | None, out: Path
         print(f"milepost: {readings}: no state came of it; nothing was written", file=sys.stderr)
     for reason, number in reader.refusals.counts.items():
         print(f"refused {number} as {reason}; first: {reader.first[reason]}", file=sys.stderr)
+    for path in reader.cut_off():
+        print(f"{path}: cut off: read as far as it goes", file=sys.stderr)
     for path in reader.made_otherwise(fingerprint(train)):
         print(f"{path}: recorded with other settings, or another version: its states may have been others", file=sys.stderr)
     return 0 if count else 1
