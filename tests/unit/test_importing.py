@@ -337,6 +337,23 @@ def test_a_cell_that_is_no_time_costs_its_row_alone(tmp_path: Path, capsys) -> N
     assert position_m == pytest.approx(SPEED_MPS * said["duration_s"], abs=6.0)
 
 
+def test_cells_that_are_no_numbers_are_counted_by_column(tmp_path: Path, capsys) -> None:
+    lines = epoch_seconds()
+    for at, text in ((5, "n/a"), (9, "12.x"), (12, ""), (13, "nan")):
+        lines[at] = f"{lines[at].rpartition(',')[0]},{text}"
+    made = imported(tmp_path, write(tmp_path, lines), capsys)
+    assert "no numbers in the column Speed (km/h): 2 cells, the first is 'n/a'" in made["told"]
+
+
+def test_a_gap_in_the_log_is_told(tmp_path: Path, capsys) -> None:
+    """The clock of a logger that is set forward by a minute looks the same."""
+    rows = [f"{BEGAN_S + a.t + (60.0 if a.t > 30.0 else 0.0):.1f},{a.lat:.7f},{a.lon:.7f}" for a in ride()]
+    made = imported(tmp_path, write(tmp_path, ["Timestamp,Lat,Lon", *rows]), capsys)
+    assert "the longest gap is of 61 s, after 30 s: there the receiver was silent, or its clock was set" in made["told"]
+    whole = imported(tmp_path / "b", write(tmp_path, epoch_seconds()), capsys)
+    assert not [each for each in whole["told"] if "gap" in each]
+
+
 def test_no_file_is_overwritten_without_being_told_to(tmp_path: Path, capsys) -> None:
     log = write(tmp_path, epoch_seconds())
     imported(tmp_path, log, capsys)

@@ -13,7 +13,7 @@ from milepost.recordings.importing.columns import Column, LogColumns
 from milepost.recordings.importing.figures import white_std
 from milepost.recordings.importing.inertial import AXES, inertial_parts
 from milepost.recordings.importing.names import unit_in, words_of
-from milepost.recordings.importing.rows import Array, Rows, period_s, read_rows
+from milepost.recordings.importing.rows import Array, Rows, no_numbers, period_s, read_rows
 from milepost.recordings.importing.value_source import Part, value_recording
 
 from .units import UnitEntry, file_of, imu_options, wheel_options
@@ -40,10 +40,11 @@ def device_units(
 ) -> Devices:
     """All wheels and one inertial unit of the logs; `speeds`: as the receiver shows them."""
     wheels = [(each, column) for each in logs for column in each.columns if column.field == "wheel"]
-    units, told = [], []
+    units, told = [], list[str]()
     first: tuple[Array, Array] | None = None
     for each, column in wheels:
         rows = _overlapping(each, [column], (f"wheel:{column.name}",), way, show)
+        told += no_numbers(rows)
         units.append(_wheel(each, column, rows, way, folder, len(wheels)))
         first = first or (rows.t_s - way.span.from_s, rows.values[f"wheel:{column.name}"])
     for each in logs:
@@ -51,6 +52,7 @@ def device_units(
         if not columns:
             continue
         rows = _overlapping(each, columns, tuple(column.field for column in columns), way, show)
+        told += no_numbers(rows)
         try:
             if first is None and speeds is None:
                 raise ValueError("nothing tells the train's speed, to find its forward axis")

@@ -14,7 +14,7 @@ from milepost.recordings.importing.columns import ASSUMED, LogColumns
 from milepost.recordings.importing.figures import course_off_deg, courses, good_solutions, jerk_psd, withheld_span
 from milepost.recordings.importing.log_file import LogFile
 from milepost.recordings.importing.position_source import FIELDS, position_recording
-from milepost.recordings.importing.rows import Array, Rows, period_s, placed, read_rows, thinned
+from milepost.recordings.importing.rows import Array, Rows, longest_gap, no_numbers, period_s, placed, read_rows, thinned
 from milepost.recordings.importing.solutions import BEST_FIRST
 from milepost.recordings.importing.source import Copy, Recording
 from milepost.track.from_fixes import NoWayError
@@ -28,6 +28,8 @@ LEAST_FIXES = 10
 # a course over ground is nearer to the way from fix to fix, in the median
 MOST_COURSE_OFF_DEG = 30.0
 FIRST_S, FEW = 5.0, 5
+# a gap is told that is longer than both
+LONG_GAP_S, LONG_GAP_PERIODS = 10.0, 10.0
 ALONE = "the receiver is all there is, so it is trusted (fault_probability: 0): nothing could contradict it"
 
 
@@ -93,6 +95,11 @@ def _fixes(first: LogColumns, show: Callable[[float], None]) -> tuple[Rows, list
         raise ValueError(f"only {len(rows.t_s)} fixes; left out: {_listed(rows.left_out) or 'nothing'}")
     told = [f"{len(rows.t_s)} fixes in {rows.t_s[-1] - rows.t_s[0]:.0f} s: {_counted(rows.solution)}"]
     told += [f"left out: {_listed(rows.left_out)}"] if rows.left_out else []
+    told += no_numbers(rows)
+    gap_s, after_s = longest_gap(rows.t_s)
+    if gap_s > max(LONG_GAP_S, LONG_GAP_PERIODS * period_s(rows.t_s)):
+        why = "there the receiver was silent, or its clock was set"
+        told.append(f"the longest gap is of {gap_s:.0f} s, after {after_s:.0f} s: {why}")
     told += [f"the log is faster than the receiver: a fix stands in {every} rows, of which one is used"] if every > 1 else []
     unknown = [word for word, meant in rows.words.items() if word and meant == "none"]
     told += [f"not taken for a solution: {', '.join(unknown)}"] if unknown else []

@@ -17,13 +17,16 @@ Array = NDArray[np.float64]
 TELL_EVERY = 2000
 # a run of equal fixes is longer than this where the log is faster than the receiver
 LEAST_REPEATS = 1.5
+# what loggers write where they have no value
+EMPTY = ("", "nan")
 
 
 @dataclass(frozen=True)
 class Rows:
     """`t_s` (n), increasing; `values`: field → (n), SI units and degrees, NaN where a cell is empty; `solution` (n).
 
-    `left_out`: how many rows, by reason. `words`: what each word of the receiver was taken for.
+    `left_out`: how many rows, by reason. `words`: what each word of the receiver was taken for. `no_numbers`: by column, the
+    cells that are none.
     """
 
     t_s: Array
@@ -31,6 +34,7 @@ class Rows:
     solution: list[str]
     left_out: dict[str, int]
     words: dict[str, str] = field(default_factory=dict)
+    no_numbers: dict[str, list[str]] = field(default_factory=dict)
 
     def chosen(self, keep: NDArray[np.bool_], reason: str) -> Rows:
         """Some of the rows; the others are left out for a reason."""
@@ -38,7 +42,7 @@ class Rows:
         left_out = {**self.left_out, reason: self.left_out.get(reason, 0) + count} if count else self.left_out
         solution = [each for each, kept in zip(self.solution, keep.tolist(), strict=True) if kept]
         values = {name: value[keep] for name, value in self.values.items()}
-        return Rows(self.t_s[keep], values, solution, left_out, self.words)
+        return replace(self, t_s=self.t_s[keep], values=values, solution=solution, left_out=left_out)
 
     def has(self, name: str) -> bool:
         """Whether a field has any value."""
@@ -57,6 +61,7 @@ def read_rows(log: LogFile, columns: Sequence[Column], needed: Sequence[str], sh
     times, table, solution = [], [], []
     left_out: dict[str, int] = {}
     words: dict[str, str] = {}
+    no_numbers: dict[str, list[str]] = {}
     for number, (_, cells) in enumerate(log.rows(wanted)):
         if number % TELL_EVERY == 0:
             show(float(number))
@@ -65,7 +70,11 @@ def read_rows(log: LogFile, columns: Sequence[Column], needed: Sequence[str], sh
         except ValueError:
             left_out["no time"] = left_out.get("no time", 0) + 1
             continue
-        table.append([log.number(text) if text else math.nan for text in cells[first : first + len(named)]])
+        texts = cells[first : first + len(named)]
+        table.append([log.number(text) if text else math.nan for text in texts])
+        for column, text, value in zip(named, texts, table[-1], strict=True):
+            if value != value and text.strip().lower() not in EMPTY:
+                no_numbers.setdefault(column.name, []).append(text)
         word = cells[-1] if quality else ""
         if word not in words:
             words[word] = quality.meaning.of(word) if quality and quality.meaning else "single"
@@ -75,7 +84,7 @@ def read_rows(log: LogFile, columns: Sequence[Column], needed: Sequence[str], sh
     t_s = np.array(times, dtype=float) + time.ahead_s
     if time.time.unit == CLOCK:
         t_s = t_s + DAY_S * np.cumsum(np.concatenate([[0.0], np.diff(t_s)]) < -0.5 * DAY_S)
-    rows = Rows(t_s, scaled, solution, left_out, words)
+    rows = Rows(t_s, scaled, solution, left_out, words, no_numbers)
     for name in needed:
         rows = rows.chosen(np.isfinite(rows.values[name]), f"without {name}")
     return _increasing(rows)
@@ -127,6 +136,21 @@ def thinned(rows: Rows) -> tuple[Rows, int]:
 def period_s(t_s: Array) -> float:
     """The usual time between rows."""
     return float(np.median(np.diff(t_s))) if len(t_s) > 1 else 1.0
+
+
+def longest_gap(t_s: Array) -> tuple[float, float]:
+    """The longest time between two rows, and when it begins after the first row; at least two rows."""
+    steps = np.diff(t_s)
+    at = int(np.argmax(steps))
+    return float(steps[at]), float(t_s[at] - t_s[0])
+
+
+def no_numbers(rows: Rows) -> list[str]:
+    """What to say of cells that are no numbers."""
+    return [
+        f"no numbers in the column {name}: {len(texts)} cells, the first is {texts[0]!r}"
+        for name, texts in rows.no_numbers.items()
+    ]
 
 
 def within(rows: Rows, from_s: float, to_s: float) -> Rows:
