@@ -38,7 +38,7 @@ class Layout:
 
     `private`: all private states, in order; `dimension` n; `names`: the common ones, then `unit.state`; `indices`: for each
     unit with a block, the places of [s, v, a, its own]; `scales`: the place of each unit's state that scales the motion;
-    `identity` (n, n).
+    `changing`: the private states that are not constants, each with its place; `identity` (n, n).
     """
 
     blocks: tuple[tuple[str, tuple[PrivateState, ...]], ...] = ()
@@ -47,6 +47,7 @@ class Layout:
     names: list[str] = field(init=False, repr=False, compare=False)
     indices: dict[str, tuple[int, ...]] = field(init=False, repr=False, compare=False)
     scales: dict[str, int] = field(init=False, repr=False, compare=False)
+    changing: tuple[tuple[int, PrivateState], ...] = field(init=False, repr=False, compare=False)
     identity: Array = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
@@ -57,7 +58,11 @@ class Layout:
             scales.update((unit, len(names) + place) for place, state in enumerate(states) if state.scales_motion)
             places[unit] = (0, 1, 2, *range(len(names), len(names) + len(states)))
             names += [f"{unit}.{state.name}" for state in states]
-        object.__setattr__(self, "private", tuple(state for _, states in self.blocks for state in states))
+        private = tuple(state for _, states in self.blocks for state in states)
+        constant = [state.time_constant_s == math.inf and state.noise_psd == 0.0 for state in private]
+        changing = tuple((i, s) for i, (s, c) in enumerate(zip(private, constant, strict=True), N_COMMON) if not c)
+        object.__setattr__(self, "private", private)
+        object.__setattr__(self, "changing", changing)
         object.__setattr__(self, "dimension", len(names))
         object.__setattr__(self, "names", names)
         object.__setattr__(self, "identity", np.eye(len(names)))

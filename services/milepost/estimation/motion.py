@@ -45,16 +45,15 @@ def full_transition(dt_s: float, layout: Layout) -> Array:
     matrix = layout.identity.copy()
     matrix[0, 1] = matrix[1, 2] = dt_s
     matrix[0, 2] = 0.5 * dt_s * dt_s
-    for i, state in enumerate(layout.private, N_COMMON):
-        if state.time_constant_s < math.inf:
-            matrix[i, i] = private_step(state, dt_s)[0]
+    for i, state in layout.changing:
+        matrix[i, i] = private_step(state, dt_s)[0]
     return matrix
 
 
 def full_process_noise(dt_s: float, jerk_psd: float, layout: Layout) -> Array:
     """The process noise over all states, shape (n, n)."""
     matrix = _with_process_noise(np.zeros((layout.dimension, layout.dimension)), dt_s, jerk_psd)
-    for i, state in enumerate(layout.private, N_COMMON):
+    for i, state in layout.changing:
         matrix[i, i] = private_step(state, dt_s)[1]
     return matrix
 

@@ -12,6 +12,8 @@ from .evidence import Flags
 
 # of so many shapes of P the arrays in between are kept
 KEPT_SHAPES = 8
+# S/R beyond which rounding in P - K gᵀ would tell: 2e-16 S of the R that are left
+WELL_WITHIN = 1e4
 
 
 class Stack:
@@ -36,7 +38,8 @@ class Stack:
     def innovations(self, x: Array, P: Array, h: Array, z: Any, R: Any) -> tuple[Array, Array, Array]:
         """g = P h (H, n), S = h g + R (H) and ν = z - h x (H), for h (n) of all beliefs, or h (H, n) of each."""
         if h.ndim == 1:
-            g = P @ h
+            # the rows of all beliefs in one product, here too
+            g = (P.reshape(-1, len(h)) @ h).reshape(x.shape)
             return g, g @ h + R, z - x @ h
         g = (P @ h[:, :, None])[:, :, 0]
         return g, (g * h).sum(axis=1) + R, z - (x * h).sum(axis=1)
@@ -54,10 +57,11 @@ class Stack:
         K = (taken / S)[:, None] * g
         np.multiply(K[:, :, None], g[:, None, :], out=A)
         np.subtract(P, A, out=A)
-        Ah = A @ h if h.ndim == 1 else (A @ h[:, :, None])[:, :, 0]
-        B = (R if isinstance(R, float) else R[:, None]) * K - Ah
-        np.multiply(B[:, :, None], K[:, None, :], out=more)
-        A += more
+        if np.count_nonzero(taken & (S > WELL_WITHIN * R)):
+            Ah = A @ h if h.ndim == 1 else (A @ h[:, :, None])[:, :, 0]
+            B = (R if isinstance(R, float) else R[:, None]) * K - Ah
+            np.multiply(B[:, :, None], K[:, None, :], out=more)
+            A += more
         step = K * nu[:, None]
         if scale is not None:
             d = step[:, :N_COMMON] / (1.0 + x[:, scale, None])
