@@ -7,7 +7,7 @@ import pytest
 
 from milepost.estimation import kalman
 from milepost.estimation.gaussian import stretched
-from milepost.fusion.stack import KEPT_SHAPES, Stack
+from milepost.fusion.stack import KEPT_SHAPES, WELL_WITHIN, Stack
 
 H, N, R = 7, 5, 0.3
 
@@ -37,6 +37,18 @@ def test_update_is_the_filter_s_for_each_belief(beliefs, each, scale):
             covariance = stretched(x[i], mean, covariance, scale)
         np.testing.assert_allclose(x_new[i], mean, rtol=1e-12, atol=1e-13)
         np.testing.assert_allclose(P_new[i], covariance, rtol=1e-12, atol=1e-13)
+
+
+@pytest.mark.parametrize("ratio", [1.0, 0.9 * WELL_WITHIN, 1.1 * WELL_WITHIN, 1e8, 1e12])
+@pytest.mark.parametrize("each", [False, True])
+def test_update_keeps_what_is_left_of_the_variance_however_much_it_takes_away(beliefs, each, ratio):
+    x, P = beliefs
+    h, stack = np.tile(np.eye(N)[1], (H, 1)) if each else np.eye(N)[1], Stack()
+    noise = P[:, 1, 1] / ratio
+    _, P_new = stack.update(x, P, h, noise, stack.innovations(x, P, h, 1.5, noise), np.ones(H, dtype=bool), None)
+    # by hand: 1/(1/P₁₁ + 1/R)
+    np.testing.assert_allclose(P_new[:, 1, 1], 1.0 / (1.0 / P[:, 1, 1] + 1.0 / noise), rtol=2e-15 * WELL_WITHIN)
+    assert (np.linalg.eigvalsh(P_new)[:, 0] > 0.0).all()
 
 
 def test_prediction_is_the_filter_s_for_each_belief(beliefs):
