@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..units import METRES_PER_DEGREE
+from .legs import north_east_m
 from .rows import Array, Rows
 from .solutions import BEST_FIRST
 
@@ -65,8 +65,7 @@ def courses(rows: Rows, least_m: float = 3.0) -> Array:
     """The course between the fixes before and after each, in degrees; NaN where these are nearer than `least_m`."""
     latitude, longitude = rows.values["latitude"], rows.values["longitude"]
     before, after = np.maximum(np.arange(len(latitude)) - 1, 0), np.minimum(np.arange(len(latitude)) + 1, len(latitude) - 1)
-    north = (latitude[after] - latitude[before]) * METRES_PER_DEGREE
-    east = (longitude[after] - longitude[before]) * METRES_PER_DEGREE * np.cos(np.radians(latitude))
+    north, east = north_east_m(latitude[before], longitude[before], latitude[after], longitude[after])
     course = np.degrees(np.arctan2(east, north)) % 360.0
     return np.where(np.hypot(north, east) >= least_m, course, math.nan)
 
@@ -77,8 +76,7 @@ def course_off_deg(rows: Rows) -> float | None:
         return None
     # fixes beside each other differ by their noise; the way that is compared is long beside that
     latitude, longitude = rows.values["latitude"], rows.values["longitude"]
-    east_deg = np.diff(longitude) * np.cos(np.radians(latitude[1:]))
-    steps_m = METRES_PER_DEGREE * np.hypot(np.diff(latitude), east_deg)
+    steps_m = np.hypot(*north_east_m(latitude[:-1], longitude[:-1], latitude[1:], longitude[1:]))
     moving_m = steps_m[steps_m > 0.0]
     every = max(1, math.ceil(COURSE_M / float(np.median(moving_m)))) if len(moving_m) else 1
     some = rows.chosen(np.arange(len(rows.t_s)) % every == 0, "")

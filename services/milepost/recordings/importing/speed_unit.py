@@ -6,8 +6,9 @@ import math
 from dataclasses import replace
 from itertools import islice
 
-from ..units import METRES_PER_DEGREE, UNITS
+from ..units import UNITS
 from .columns import ASSUMED, Column, Said, columns_of
+from .legs import north_east_m
 from .log_file import LogFile
 
 # what vehicles' speeds are written in
@@ -95,14 +96,8 @@ def _metres_by_number(log: LogFile, column: Column, of: dict[str, Column]) -> fl
             leg_s += 0.5 * (abs(speed) + before[1]) * (t_s - before[0])
         before = t_s, abs(speed)
         anchor = at if anchor is None else anchor
-        if (leg_m := _apart_m(anchor, at)) >= LEG_M:
+        if (leg_m := math.hypot(*north_east_m(*anchor, *at))) >= LEG_M:
             way_m, number_s, leg_s, anchor = way_m + leg_m, number_s + leg_s, 0.0, at
         if way_m >= WAY_M:
             break
     return way_m / number_s if way_m >= 5 * LEG_M and number_s > 0.0 else math.nan
-
-
-def _apart_m(a: tuple[float, float], b: tuple[float, float]) -> float:
-    """The distance of two near places, latitude and longitude in degrees."""
-    east_deg = (b[1] - a[1] + 180.0) % 360.0 - 180.0
-    return METRES_PER_DEGREE * math.hypot(b[0] - a[0], east_deg * math.cos(math.radians(a[0])))
