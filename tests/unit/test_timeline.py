@@ -155,6 +155,23 @@ def test_what_an_interruption_kept_back_is_soon_in_the_live_state():
     assert max(work[1:]) <= 60
 
 
+def test_what_is_handed_over_while_a_unit_is_late_holds_up_no_live_state():
+    """GIVEN a unit three seconds late, whose readings wait WHEN all that is known is handed over THEN no state costs more."""
+    kernel, came = Counted(), two_units(3.0, 8.0)
+    timeline, asked_s, work = Timeline(kernel, (), SECOND), 0.0, []
+    for i, (now_s, observation) in enumerate(came):
+        if i % 10 == 0:
+            timeline.kept()
+        while asked_s <= now_s:
+            timeline.advance_to(T0 + round(asked_s * NS_PER_S))
+            before = kernel.work
+            timeline.live_at(T0 + round(asked_s * NS_PER_S), 8)
+            work.append(kernel.work - before)
+            asked_s += 0.02
+        timeline.insert(observation, T0 + round(now_s * NS_PER_S))
+    assert max(work) <= 60
+
+
 def test_a_state_at_a_time_adds_no_knot():
     kernel = Log()
     timeline = Timeline(kernel, [], SECOND)

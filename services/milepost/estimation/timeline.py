@@ -112,6 +112,13 @@ class Timeline:
         for observation in self._late.taken():
             self._place(observation)
 
+    def _take_aside(self, late: list[Observation]) -> None:
+        """Take in what came late; live states go on without it until its beliefs are computed."""
+        if late and self._live is None:
+            self._live = self._chain.copy()
+        for observation in late:
+            self._place(observation)
+
     def _keep_the_least(self, observation: Observation) -> None:
         chain, key = self._chain, observation.place
         place = bisect_left(chain.keys, key)
@@ -133,7 +140,7 @@ class Timeline:
 
         So a timeline that continues from it takes the same steps, and comes to the same bits.
         """
-        self._take_late()
+        self._take_aside(self._late.taken())
         base, base_ns, place = self._chain.before(self._boundary_ns)
         knots = tuple(self._chain.knots[place:])
         absorbed = {identity for identity in self._seen if identity.measured_at_ns >= self._boundary_ns}
@@ -161,11 +168,7 @@ class Timeline:
         For them so many beliefs are computed again, and two for each observation since the last time.
         """
         chain = self._chain
-        late = self._late.due(self._boundary_ns + self.horizon_ns)
-        if late and self._live is None:
-            self._live = chain.copy()
-        for observation in late:
-            self._place(observation)
+        self._take_aside(self._late.due(self._boundary_ns + self.horizon_ns))
         came, self._accepted = self.counters.accepted - self._accepted, self.counters.accepted
         if self._live is not None:
             until = chain.count_until(at_ns)
@@ -184,7 +187,7 @@ class Timeline:
         if len(keys) < PRUNE_AT_LEAST or keys[PRUNE_AT_LEAST - 1][0] >= self._boundary_ns:
             return
         if self._late.earliest_ns < self._boundary_ns:
-            self._take_late()
+            self._take_aside(self._late.taken())
         for chain in (self._chain, self._live):
             if chain is not None:
                 chain.fold(self._boundary_ns)
