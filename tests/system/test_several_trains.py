@@ -108,9 +108,9 @@ def test_a_train_joins_a_router_and_leaves_it_without_touching_the_others(fleet:
     assert done.returncode == 0, done.stderr
     assert "absent" not in done.stderr, "the end of a scenario is no failure"
     found = json.loads(report.read_text(encoding="utf-8"))
-    # the report is of this train alone, which runs for 150 epochs, and whoever listens on the router sees the train
-    assert 0 < found["states"] <= 160
-    assert 0 < len(outside.heard[f"{TOP}/guest-1/state"]) <= 160
+    # the report is of this train alone, which runs for 150 epochs and a little, and whoever listens on the router sees it
+    assert 0 < found["states"] < 2 * 150
+    assert 0 < len(outside.heard[f"{TOP}/guest-1/state"]) < 2 * 150
     assert found["truth"]["outside_interval"] == 0
     assert [path.name.partition("-2")[0] for path in (tmp_path / "recording").iterdir()] == ["guest-1"]
     for name in NAMES:
