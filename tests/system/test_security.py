@@ -314,5 +314,6 @@ def test_all_certificates_are_replaced_while_the_train_runs(secure: Secure) -> N
     print(f"rotation: longest gap {max(gaps_s):.3f} s, missing {end - first + 1 - len({epoch for _, epoch in heard})}")
     # everybody is connected again before the next router goes; how fast depends on the machine
     assert max(gaps_s) < BETWEEN_ROUTERS_S
-    assert end - first + 1 - len({epoch for _, epoch in heard}) <= 25
+    # as for a router that stops, a second of states for each of the two
+    assert end - first + 1 - len({epoch for _, epoch in heard}) <= 2 * 50
     secure.goes_on()
