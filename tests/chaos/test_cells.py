@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import gc
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -45,3 +46,19 @@ def test_the_truth_stays_inside_and_the_train_recovers(train: Stack, name: str) 
     cell = CELLS[name]
     outcome = run_cell(train, replace(cell, gap_s=cell.gap_s + SHARED_S))
     assert outcome.passed, row(outcome)
+
+
+def test_who_measures_gaps_makes_none(train: Stack) -> None:
+    """A search for cycles among all the messages of a long run holds up the receipt of states for tenths of a second."""
+    searched: list[str] = []
+
+    def note(phase: str, info: dict[str, int]) -> None:
+        searched.append(f"{phase} of generation {info['generation']}")
+
+    gc.callbacks.append(note)
+    try:
+        kept = [[i] for i in range(100_000)]
+    finally:
+        gc.callbacks.remove(note)
+    assert (len(kept), searched) == (100_000, [])
+    assert train.witness.received

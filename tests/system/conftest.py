@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import json
 import os
 import signal
@@ -41,6 +42,9 @@ class Outside:
             "transport": {"unicast": {"open_timeout": 300}, "link": {"tx": {"lease": 500, "keep_alive": 4}}},
         }
         self.session = zenoh.open(zenoh.Config.from_json5(json.dumps(config)))
+        # a search for cycles in all that is kept takes up to a second, which would be measured as a gap in what is heard
+        self._collects = gc.isenabled()
+        gc.disable()
         self.news = threading.Condition()
         self.heard: dict[str, list[tuple[int, dict]]] = {}
         self.tokens: dict[str, bool] = {}
@@ -99,6 +103,8 @@ class Outside:
     def close(self) -> None:
         self._kept.clear()
         self.session.close()
+        if self._collects:
+            gc.enable()
 
 
 def start(train: str, *options: str) -> tuple[Stack, Outside]:

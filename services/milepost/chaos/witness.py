@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
+from milepost.offline.collector import no_collection
 from milepost.runtime import zenoh_config
 from milepost.runtime.instances import Token
 from milepost.runtime.listening import listening
@@ -76,5 +77,5 @@ class Witness:
 def witnessing(endpoints: list[str]) -> Iterator[Witness]:
     """A witness that listens to all trains at these endpoints. Raises NoRouterError."""
     witness = Witness()
-    with listening(endpoints, HEARD, "*", witness.hear, witness.see, config=outsider):
+    with no_collection(), listening(endpoints, HEARD, "*", witness.hear, witness.see, config=outsider):
         yield witness
