@@ -28,8 +28,8 @@ def rare_collection() -> Iterator[None]:
 def no_collection() -> Iterator[None]:
     """Search for no cycles inside the context.
 
-    Who keeps all messages of ten minutes has 10⁶ objects; each search through them holds up all threads for half a second, which
-    would be measured as a gap of the sender's. Messages are freed without it.
+    Who keeps all messages of ten minutes has 10⁶ objects; each search through them holds up all threads for half a second,
+    which would be measured as a gap of the sender's. Messages are freed without it.
     """
     before = gc.isenabled()
     gc.disable()
