@@ -345,6 +345,28 @@ def test_cells_that_are_no_numbers_are_counted_by_column(tmp_path: Path, capsys)
     assert "no numbers in the column Speed (km/h): 2 cells, the first is 'n/a'" in made["told"]
 
 
+@pytest.mark.parametrize(("letters", "field", "column"), [("S,E", "latitude", "Lat"), ("N,W", "longitude", "Lon")])
+def test_a_hemisphere_in_a_column_of_its_own_is_one_line(letters: str, field: str, column: str, tmp_path: Path) -> None:
+    lines = ["t,Lat,ns,Lon,ew", *(f"{a.t},{a.lat:.7f},{letters[0]},{a.lon:.7f},{letters[2]}" for a in ride())]
+    letter = letters.strip("NE,")
+    name = "ns" if letter == "S" else "ew"
+    says = f"{field}: the column {name} says {letter}, which is not read: write {letter} as a minus in {column}"
+    assert says in refused(tmp_path, lines)
+
+
+def test_hemispheres_that_agree_with_the_signs_are_no_matter(tmp_path: Path, capsys) -> None:
+    lines = ["t,Lat,ns,Lon,ew", *(f"{a.t},{a.lat:.7f},N,{a.lon:.7f},E" for a in ride())]
+    assert imported(tmp_path, write(tmp_path, lines), capsys)["fixes"] == SECONDS + 1
+
+
+def test_a_clock_that_is_set_by_more_than_a_day_is_one_line(tmp_path: Path) -> None:
+    """A receiver that began in 1970: the years until it knew the time would be scenario time."""
+    lines = ["t,lat,lon", *(f"{a.t + (0.0 if i < 10 else BEGAN_S):.1f},{a.lat:.7f},{a.lon:.7f}" for i, a in enumerate(ride()))]
+    assert "time: jumps by 1700000001 s after 9 s: the logger's clock was set there; cut the log there" in refused(
+        tmp_path, lines
+    )
+
+
 def test_a_gap_in_the_log_is_told(tmp_path: Path, capsys) -> None:
     """The clock of a logger that is set forward by a minute looks the same."""
     rows = [f"{BEGAN_S + a.t + (60.0 if a.t > 30.0 else 0.0):.1f},{a.lat:.7f},{a.lon:.7f}" for a in ride()]

@@ -17,6 +17,7 @@ from milepost.recordings.importing.position_source import FIELDS, position_recor
 from milepost.recordings.importing.rows import Array, Rows, longest_gap, no_numbers, period_s, placed, read_rows, thinned
 from milepost.recordings.importing.solutions import BEST_FIRST
 from milepost.recordings.importing.source import Copy, Recording
+from milepost.recordings.importing.times import DAY_S
 from milepost.track.from_fixes import NoWayError
 
 from .devices import Devices, device_units
@@ -30,6 +31,8 @@ MOST_COURSE_OFF_DEG = 30.0
 FIRST_S, FEW = 5.0, 5
 # a gap is told that is longer than both
 LONG_GAP_S, LONG_GAP_PERIODS = 10.0, 10.0
+# no receiver is silent for a day and for so many fixes; where fixes themselves are hours apart, the unit of time is wrong
+SET_PERIODS = 1e4
 ALONE = "the receiver is all there is, so it is trusted (fault_probability: 0): nothing could contradict it"
 
 
@@ -97,6 +100,9 @@ def _fixes(first: LogColumns, show: Callable[[float], None]) -> tuple[Rows, list
     told += [f"left out: {_listed(rows.left_out)}"] if rows.left_out else []
     told += no_numbers(rows)
     gap_s, after_s = longest_gap(rows.t_s)
+    if gap_s > max(DAY_S, SET_PERIODS * period_s(rows.t_s)):
+        jumps = f"time: jumps by {gap_s:.0f} s after {after_s:.0f} s"
+        raise ValueError(f"{jumps}: the logger's clock was set there; cut the log there")
     if gap_s > max(LONG_GAP_S, LONG_GAP_PERIODS * period_s(rows.t_s)):
         why = "there the receiver was silent, or its clock was set"
         told.append(f"the longest gap is of {gap_s:.0f} s, after {after_s:.0f} s: {why}")

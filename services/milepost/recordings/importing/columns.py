@@ -15,6 +15,8 @@ from .solutions import Meaning, meaning_of
 from .times import CLOCK, FITTING_PART, TimeFormat, time_format
 
 ASSUMED = ", unit assumed"
+# of positive and of negative numbers
+HEMISPHERES = {"latitude": "NS", "longitude": "EW"}
 ALIASES = {"lat": "latitude", "lon": "longitude", "altitude": "height", "quality": "solution", "odometer": "wheel"}
 
 
@@ -102,7 +104,21 @@ def columns_of(log: LogFile, told: Said) -> list[Column]:
             chosen = _guessed(log, field, free, told)
         taken |= {column.name for column in chosen} | {column.date for column in chosen}
         found += chosen
+    _refuse_hemispheres(log, found)
     return found
+
+
+def _refuse_hemispheres(log: LogFile, found: Sequence[Column]) -> None:
+    """Raises ValueError where the sign of a place stands in a column of its own: without it the place would be mirrored."""
+    for column in found:
+        letters = HEMISPHERES.get(column.field)
+        if letters is None or any(log.number(text) < 0.0 for text in log.values(column.name)):
+            continue
+        for name in log.header:
+            values = {text.strip().upper() for text in log.values(name)} if name != column.name else set()
+            if letters[1] in values and values <= {*letters, ""}:
+                told = f"{column.field}: the column {name} says {letters[1]}, which is not read"
+                raise ValueError(f"{told}: write {letters[1]} as a minus in {column.name}")
 
 
 def _given(log: LogFile, field: Field, name: str, told: Said) -> Column:
