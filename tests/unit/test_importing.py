@@ -367,6 +367,22 @@ def test_a_clock_that_is_set_by_more_than_a_day_is_one_line(tmp_path: Path) -> N
     )
 
 
+def test_rows_of_a_wheel_that_are_left_out_are_counted(tmp_path: Path, capsys) -> None:
+    """A logger whose clock is set back by three seconds."""
+    wheel = tmp_path / "wheel.csv"
+    times = [BEGAN_S + a.t - (3.0 if a.t > 30.0 else 0.0) for a in ride()]
+    wheel.write_text("\n".join(["timestamp,wheel_speed_mps", *(f"{t:.1f},15.0" for t in times)]) + "\n", encoding="utf-8")
+    log = write(tmp_path, epoch_seconds())
+    run_import([log, wheel], None, tmp_path / "out", [], [], False, True)
+    assert "left out of wheel_speed_mps: 3 rows not after the row before" in json.loads(capsys.readouterr().out)["told"]
+
+
+def test_a_receivers_speeds_that_are_negative_are_one_line(tmp_path: Path) -> None:
+    lines = [epoch_seconds()[0], *(f"{line.rpartition(',')[0]},-54.0" for line in epoch_seconds()[1:])]
+    says = "speed: the column Speed (km/h) is negative in 61 of 61 rows: a receiver's speed is along its way"
+    assert says in refused(tmp_path, lines)
+
+
 def test_a_gap_in_the_log_is_told(tmp_path: Path, capsys) -> None:
     """The clock of a logger that is set forward by a minute looks the same."""
     rows = [f"{BEGAN_S + a.t + (60.0 if a.t > 30.0 else 0.0):.1f},{a.lat:.7f},{a.lon:.7f}" for a in ride()]

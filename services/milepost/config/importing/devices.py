@@ -13,7 +13,7 @@ from milepost.recordings.importing.columns import Column, LogColumns
 from milepost.recordings.importing.figures import white_std
 from milepost.recordings.importing.inertial import AXES, inertial_parts
 from milepost.recordings.importing.names import unit_in, words_of
-from milepost.recordings.importing.rows import Array, Rows, no_numbers, period_s, read_rows
+from milepost.recordings.importing.rows import Array, Rows, left_out, no_numbers, period_s, read_rows
 from milepost.recordings.importing.value_source import Part, value_recording
 
 from .units import UnitEntry, file_of, imu_options, wheel_options
@@ -44,7 +44,7 @@ def device_units(
     first: tuple[Array, Array] | None = None
     for each, column in wheels:
         rows = _overlapping(each, [column], (f"wheel:{column.name}",), way, show)
-        told += no_numbers(rows)
+        told += _remarks(column.name, rows)
         units.append(_wheel(each, column, rows, way, folder, len(wheels)))
         first = first or (rows.t_s - way.span.from_s, rows.values[f"wheel:{column.name}"])
     for each in logs:
@@ -52,7 +52,7 @@ def device_units(
         if not columns:
             continue
         rows = _overlapping(each, columns, tuple(column.field for column in columns), way, show)
-        told += no_numbers(rows)
+        told += _remarks(columns[0].name, rows)
         try:
             if first is None and speeds is None:
                 raise ValueError("nothing tells the train's speed, to find its forward axis")
@@ -64,6 +64,11 @@ def device_units(
         units.append(_imu(each, columns, rows, parts, way, folder))
         break
     return Devices(units, first, told)
+
+
+def _remarks(name: str, rows: Rows) -> list[str]:
+    """What to say of the rows of a device, whose first column has this name."""
+    return [*([f"left out of {name}: {left_out(rows)}"] if rows.left_out else []), *no_numbers(rows)]
 
 
 def _overlapping(

@@ -14,7 +14,17 @@ from milepost.recordings.importing.columns import ASSUMED, LogColumns
 from milepost.recordings.importing.figures import course_off_deg, courses, good_solutions, jerk_psd, withheld_span
 from milepost.recordings.importing.log_file import LogFile
 from milepost.recordings.importing.position_source import FIELDS, position_recording
-from milepost.recordings.importing.rows import Array, Rows, longest_gap, no_numbers, period_s, placed, read_rows, thinned
+from milepost.recordings.importing.rows import (
+    Array,
+    Rows,
+    left_out,
+    longest_gap,
+    no_numbers,
+    period_s,
+    placed,
+    read_rows,
+    thinned,
+)
 from milepost.recordings.importing.solutions import BEST_FIRST
 from milepost.recordings.importing.source import Copy, Recording
 from milepost.recordings.importing.times import DAY_S
@@ -29,6 +39,8 @@ LEAST_FIXES = 10
 # a course over ground is nearer to the way from fix to fix, in the median
 MOST_COURSE_OFF_DEG = 30.0
 FIRST_S, FEW = 5.0, 5
+# noise about standstill is no speed
+LEAST_BACKWARDS_MPS, BACKWARDS_PART = 0.5, 0.02
 # a gap is told that is longer than both
 LONG_GAP_S, LONG_GAP_PERIODS = 10.0, 10.0
 # no receiver is silent for a day and for so many fixes; where fixes themselves are hours apart, the unit of time is wrong
@@ -95,9 +107,9 @@ def _fixes(first: LogColumns, show: Callable[[float], None]) -> tuple[Rows, list
     raw = read_rows(first.log, first.of(*FIELDS), ("latitude", "longitude"), show)
     rows, every = thinned(placed(raw))
     if len(rows.t_s) < LEAST_FIXES:
-        raise ValueError(f"only {len(rows.t_s)} fixes; left out: {_listed(rows.left_out) or 'nothing'}")
+        raise ValueError(f"only {len(rows.t_s)} fixes; left out: {left_out(rows) or 'nothing'}")
     told = [f"{len(rows.t_s)} fixes in {rows.t_s[-1] - rows.t_s[0]:.0f} s: {_counted(rows.solution)}"]
-    told += [f"left out: {_listed(rows.left_out)}"] if rows.left_out else []
+    told += [f"left out: {left_out(rows)}"] if rows.left_out else []
     told += no_numbers(rows)
     gap_s, after_s = longest_gap(rows.t_s)
     if gap_s > max(DAY_S, SET_PERIODS * period_s(rows.t_s)):
@@ -114,6 +126,7 @@ def _fixes(first: LogColumns, show: Callable[[float], None]) -> tuple[Rows, list
 
 def _with_a_course(first: LogColumns, rows: Rows) -> tuple[LogColumns, Rows, list[str]]:
     """The log and its fixes with the course between them, where it has none or one that they contradict; what was left out."""
+    _refuse_backwards(first, rows)
     off_deg, told = course_off_deg(rows), list[str]()
     if off_deg is not None and off_deg > MOST_COURSE_OFF_DEG:
         (column,) = (each for each in first.columns if each.field == "course")
@@ -127,8 +140,16 @@ def _with_a_course(first: LogColumns, rows: Rows) -> tuple[LogColumns, Rows, lis
     return first, rows, told
 
 
-def _listed(left_out: dict[str, int]) -> str:
-    return ", ".join(f"{count} rows {reason}" for reason, count in left_out.items())
+def _refuse_backwards(first: LogColumns, rows: Rows) -> None:
+    """Raises ValueError where a receiver's speeds are negative, which are along its course: the train would go backwards."""
+    if not rows.has("speed"):
+        return
+    speeds = rows.values["speed"][np.isfinite(rows.values["speed"])]
+    negative = int(np.count_nonzero(speeds < -LEAST_BACKWARDS_MPS))
+    if negative > BACKWARDS_PART * len(speeds):
+        (column,) = (each for each in first.columns if each.field == "speed")
+        told = f"speed: the column {column.name} is negative in {negative} of {len(speeds)} rows"
+        raise ValueError(f"{told}: a receiver's speed is along its way; leave it out with --column speed=")
 
 
 def _counted(solution: Sequence[str]) -> str:

@@ -145,6 +145,11 @@ def longest_gap(t_s: Array) -> tuple[float, float]:
     return float(steps[at]), float(t_s[at] - t_s[0])
 
 
+def left_out(rows: Rows) -> str:
+    """How many rows were left out, by reason, as words."""
+    return ", ".join(f"{count} rows {reason}" for reason, count in rows.left_out.items())
+
+
 def no_numbers(rows: Rows) -> list[str]:
     """What to say of cells that are no numbers."""
     return [
