@@ -40,7 +40,7 @@ def _print(summary: Summary) -> None:
 
     found = summary.as_dict()
     for file in found["files"]:
-        state = "whole" if file["whole"] else "damaged" if file["damaged"] else "cut off: read as far as it goes"
+        state = "damaged" if file["damaged"] else "whole" if file["whole"] else "cut off: read as far as it goes"
         print(f"{file['file']}: {file['bytes'] / MIB:.1f} MiB, {state}")
         for damage in file["damaged"]:
             print(f"  damaged: {damage}")
