@@ -28,8 +28,6 @@ CHUNK_BYTES = 1 << 20
 # MCAP has 65 535 in a file; a stranger who invents keys must not use them up
 MOST_CHANNELS = 4096
 ENCODING = "encoding"
-# a channel's key and encoding once more, outside the chunks: a damaged one takes no other chunk's messages with it
-CHANNEL, ID, KEY = "milepost-channel", "id", "key"
 
 
 class TooManyKeys(ValueError):
@@ -111,7 +109,6 @@ class RecordingFile:
         schema = self._schema(row) if row else 0
         channel: int = self._writer.register_channel(key, kind, schema, {ENCODING: encoding})
         self._channels[key, encoding] = channel
-        self.describe(CHANNEL, {ID: str(channel), KEY: key, ENCODING: encoding})
         return channel
 
     def _schema(self, row: Stream) -> int:

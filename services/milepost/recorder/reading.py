@@ -21,7 +21,7 @@ from mcap.summary import Summary
 
 from milepost.config.errors import ConfigError
 
-from .file import CHANNEL, ENCODING, ID, KEY
+from .file import ENCODING
 from .incoming import Incoming
 from .records import MAGIC, Span, index_of, spans
 from .rows import MSGPACK
@@ -141,10 +141,7 @@ class McapReader:
         stream = ReadDataStream(BytesIO(body))
         if opcode == Opcode.METADATA:
             found = Metadata.read(stream)
-            if found.name == CHANNEL:
-                self._note_channel(found.metadata)
-            else:
-                self.metadata[found.name] = found.metadata
+            self.metadata[found.name] = found.metadata
         elif opcode == Opcode.SCHEMA:
             self._take(Schema.read(stream))
         elif opcode == Opcode.CHANNEL:
@@ -152,12 +149,6 @@ class McapReader:
         elif opcode == Opcode.MESSAGE:
             return self._take(Message.read(stream, len(body)))
         return iter(())
-
-    def _note_channel(self, told: dict[str, str]) -> None:
-        """A channel as the recorder says it outside the chunks. Raises ValueError, KeyError for one that is damaged."""
-        number = int(told[ID])
-        channel = Channel(number, told[KEY], "", {ENCODING: told[ENCODING]}, 0)
-        self._channels.setdefault(number, channel)
 
     def _take(self, record: Any) -> Iterator[Incoming]:
         if isinstance(record, Schema):
