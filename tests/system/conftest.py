@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gc
 import json
 import os
 import signal
@@ -11,7 +10,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 
 import msgpack
 import pytest
@@ -20,6 +19,7 @@ import zenoh
 from milepost.chaos.running import RunningTrain as Stack
 from milepost.chaos.running import free_port as free_port
 from milepost.chaos.running import title_of as title_of
+from milepost.offline.collector import no_collection
 
 pytestmark = pytest.mark.system
 
@@ -43,8 +43,8 @@ class Outside:
         }
         self.session = zenoh.open(zenoh.Config.from_json5(json.dumps(config)))
         # a search for cycles in all that is kept takes up to a second, which would be measured as a gap in what is heard
-        self._collects = gc.isenabled()
-        gc.disable()
+        self._measures = ExitStack()
+        self._measures.enter_context(no_collection())
         self.news = threading.Condition()
         self.heard: dict[str, list[tuple[int, dict]]] = {}
         self.tokens: dict[str, bool] = {}
@@ -103,8 +103,7 @@ class Outside:
     def close(self) -> None:
         self._kept.clear()
         self.session.close()
-        if self._collects:
-            gc.enable()
+        self._measures.close()
 
 
 def start(train: str, *options: str) -> tuple[Stack, Outside]:

@@ -32,7 +32,7 @@ class Source(Protocol):
     """A file of recorded messages. `noun`: what an entry of it is called.
 
     `fingerprint`: of the settings with which the train ran, once it has been read; empty where the file does not say.
-    `cut_off`: whether its end is missing, once it has been read.
+    `cut_off`: whether its end is missing and nothing else is wrong, once it has been read.
     """
 
     path: Path
@@ -121,6 +121,6 @@ class McapFile:
                 number,
                 Entry(message.key, clock.at(message.at_ns), partial(unpack, message.payload), message.encoding),
             )
-        self.read_bytes, self.cut_off = reader.read_bytes, not (reader.whole or reader.damaged)
+        self.read_bytes, self.cut_off = reader.read_bytes, reader.cut_off
         for number, damage in enumerate(reader.damaged, start=1):
             yield number, Refused("damaged", damage)

@@ -88,11 +88,16 @@ class McapReader:
             raise ConfigError(self.path, "", error.strerror or "cannot be read") from error
 
     @property
+    def cut_off(self) -> bool:
+        """Whether its end is missing and nothing else is wrong, known after all has been read."""
+        return not self.whole and not self.damaged
+
+    @property
     def flaws(self) -> list[str]:
         """What is wrong with it, in sentences, known after all has been read."""
-        if self.damaged or self.whole:
-            return [f"{self.path.name}: damaged: {damage}" for damage in self.damaged]
-        return [f"{self.path.name}: cut off: read as far as it goes"]
+        if self.cut_off:
+            return [f"{self.path.name}: cut off: read as far as it goes"]
+        return [f"{self.path.name}: damaged: {damage}" for damage in self.damaged]
 
     def read_metadata(self) -> dict[str, dict[str, str]]:
         """What the recorder wrote about the recording, without reading the messages."""

@@ -13,7 +13,7 @@ from milepost.recordings.importing.columns import Column, LogColumns
 from milepost.recordings.importing.figures import white_std
 from milepost.recordings.importing.inertial import AXES, inertial_parts
 from milepost.recordings.importing.names import unit_in, words_of
-from milepost.recordings.importing.rows import Array, Rows, left_out, no_numbers, period_s, read_rows
+from milepost.recordings.importing.rows import Array, Rows, left_out_told, no_numbers_told, period_s, read_rows
 from milepost.recordings.importing.value_source import Part, value_recording
 
 from .units import UnitEntry, file_of, imu_options, wheel_options
@@ -68,7 +68,7 @@ def device_units(
 
 def _remarks(name: str, rows: Rows) -> list[str]:
     """What to say of the rows of a device, whose first column has this name."""
-    return [*([f"left out of {name}: {left_out(rows)}"] if rows.left_out else []), *no_numbers(rows)]
+    return [*([f"left out of {name}: {left_out_told(rows)}"] if rows.left_out else []), *no_numbers_told(rows)]
 
 
 def _overlapping(

@@ -17,9 +17,9 @@ from milepost.recordings.importing.position_source import FIELDS, position_recor
 from milepost.recordings.importing.rows import (
     Array,
     Rows,
-    left_out,
+    left_out_told,
     longest_gap,
-    no_numbers,
+    no_numbers_told,
     period_s,
     placed,
     read_rows,
@@ -107,26 +107,32 @@ def _fixes(first: LogColumns, show: Callable[[float], None]) -> tuple[Rows, list
     raw = read_rows(first.log, first.of(*FIELDS), ("latitude", "longitude"), show)
     rows, every = thinned(placed(raw))
     if len(rows.t_s) < LEAST_FIXES:
-        raise ValueError(f"only {len(rows.t_s)} fixes; left out: {left_out(rows) or 'nothing'}")
+        raise ValueError(f"only {len(rows.t_s)} fixes; left out: {left_out_told(rows) or 'nothing'}")
     told = [f"{len(rows.t_s)} fixes in {rows.t_s[-1] - rows.t_s[0]:.0f} s: {_counted(rows.solution)}"]
-    told += [f"left out: {left_out(rows)}"] if rows.left_out else []
-    told += no_numbers(rows)
-    gap_s, after_s = longest_gap(rows.t_s)
-    if gap_s > max(DAY_S, SET_PERIODS * period_s(rows.t_s)):
-        jumps = f"time: jumps by {gap_s:.0f} s after {after_s:.0f} s"
-        raise ValueError(f"{jumps}: the logger's clock was set there; cut the log there")
-    if gap_s > max(LONG_GAP_S, LONG_GAP_PERIODS * period_s(rows.t_s)):
-        why = "there the receiver was silent, or its clock was set"
-        told.append(f"the longest gap is of {gap_s:.0f} s, after {after_s:.0f} s: {why}")
+    told += [f"left out: {left_out_told(rows)}"] if rows.left_out else []
+    told += no_numbers_told(rows)
+    told += _gap_told(rows.t_s)
+    _refuse_backwards(first, rows)
     told += [f"the log is faster than the receiver: a fix stands in {every} rows, of which one is used"] if every > 1 else []
     unknown = [word for word, meant in rows.words.items() if word and meant == "none"]
     told += [f"not taken for a solution: {', '.join(unknown)}"] if unknown else []
     return rows, told
 
 
+def _gap_told(t_s: Array) -> list[str]:
+    """What to say of the longest gap, where it is long. Raises ValueError for one that no receiver makes."""
+    (gap_s, after_s), usual_s = longest_gap(t_s), period_s(t_s)
+    if gap_s > max(DAY_S, SET_PERIODS * usual_s):
+        jumps = f"time: jumps by {gap_s:.0f} s after {after_s:.0f} s"
+        raise ValueError(f"{jumps}: the logger's clock was set there; cut the log there")
+    if gap_s <= max(LONG_GAP_S, LONG_GAP_PERIODS * usual_s):
+        return []
+    why = "there the receiver was silent, or its clock was set"
+    return [f"the longest gap is of {gap_s:.0f} s, after {after_s:.0f} s: {why}"]
+
+
 def _with_a_course(first: LogColumns, rows: Rows) -> tuple[LogColumns, Rows, list[str]]:
     """The log and its fixes with the course between them, where it has none or one that they contradict; what was left out."""
-    _refuse_backwards(first, rows)
     off_deg, told = course_off_deg(rows), list[str]()
     if off_deg is not None and off_deg > MOST_COURSE_OFF_DEG:
         (column,) = (each for each in first.columns if each.field == "course")

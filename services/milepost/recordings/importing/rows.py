@@ -145,12 +145,12 @@ def longest_gap(t_s: Array) -> tuple[float, float]:
     return float(steps[at]), float(t_s[at] - t_s[0])
 
 
-def left_out(rows: Rows) -> str:
+def left_out_told(rows: Rows) -> str:
     """How many rows were left out, by reason, as words."""
     return ", ".join(f"{count} rows {reason}" for reason, count in rows.left_out.items())
 
 
-def no_numbers(rows: Rows) -> list[str]:
+def no_numbers_told(rows: Rows) -> list[str]:
     """What to say of cells that are no numbers."""
     return [
         f"no numbers in the column {name}: {len(texts)} cells, the first is {texts[0]!r}"
