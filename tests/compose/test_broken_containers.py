@@ -6,15 +6,16 @@ import time
 from itertools import pairwise
 
 import pytest
-from containers import Stack, check_against_truth, is_whole
+from containers import Stack, advancing, check_against_truth, is_whole
 from engine import run
 
 pytestmark = pytest.mark.compose
 
 STOP_S = 2.0
 BACK_S = 5.0
-# what other work on the machine may add to a gap
-SHARED_S = 0.3
+# A container that starts again takes a core for seconds, and the machine's own stalls come on top: what is asked here is that
+# nobody waits for the one that is gone (a fuser 3 s, a router 2 s). Gaps to the millisecond are the chaos matrix's.
+LONGEST_GAP_S = 1.0
 
 
 def leader(stack: Stack) -> str:
@@ -37,12 +38,13 @@ def stand_still(stack: Stack, service: str) -> None:
 @pytest.mark.parametrize(
     ("how", "who", "longest_s"),
     [
-        (crash, "fuser that leads", 0.1),
-        (stand_still, "fuser that leads", 0.3),
-        (crash, "router", 0.3),
-        (stand_still, "router", 1.0),
-        (crash, "sensor-gnss", 0.1),
-        (stand_still, "filter-odometer-rear", 0.1),
+        (crash, "fuser that leads", LONGEST_GAP_S),
+        (stand_still, "fuser that leads", LONGEST_GAP_S),
+        (crash, "router", LONGEST_GAP_S),
+        # its lease of 0.5 s, and 0.3 s until the next one is tried
+        (stand_still, "router", 1.5),
+        (crash, "sensor-gnss", LONGEST_GAP_S),
+        (stand_still, "filter-odometer-rear", LONGEST_GAP_S),
     ],
 )
 def test_states_go_on_and_the_truth_stays_inside(stack: Stack, how, who: str, longest_s: float) -> None:
@@ -64,10 +66,6 @@ def test_states_go_on_and_the_truth_stays_inside(stack: Stack, how, who: str, lo
     listener.span(after, epochs=100)
     heard = listener.states[before:]
     check_against_truth(stack, heard)
-    newest = [heard[0]]
-    for entry in heard[1:]:
-        if entry[1]["epoch"] > newest[-1][1]["epoch"]:
-            newest.append(entry)
-    gap_s = max(b - a for (a, _), (b, _) in pairwise(newest))
+    gap_s = max(b - a for (a, _), (b, _) in pairwise(advancing(heard)))
     stack.figures[f"{who} {how.__name__}: longest gap s"] = gap_s
-    assert gap_s < longest_s + SHARED_S
+    assert gap_s < longest_s
