@@ -85,7 +85,7 @@ def test_a_long_gap_is_explained_only_by_a_stall_of_the_machine_during_it() -> N
     # received at 5, 25, 125 (gap of 100 ms), 145, 305 (gap of 160 ms)
     states = received([state(k) for k in (0, 1, 6, 7, 15)])
     # ended 90 ms after T0 and lasted 50 ms: from 40 to 90, inside the first long gap; the other is long past
-    stalls = [{"at_ns": T0 + 90 * MS, "stall_ms": 50.0}, {"at_ns": T0 + 2000 * MS, "stall_ms": 300.0}]
+    stalls = [(T0 + 40 * MS, T0 + 90 * MS), (T0 + 1700 * MS, T0 + 2000 * MS)]
     found = summarise(states, {}, stalls)
     first, second = found["gaps_over_60ms"]
     assert (first["gap_ms"], first["stall_ms"]) == pytest.approx((100.0, 50.0))
@@ -97,9 +97,9 @@ def test_a_long_gap_is_explained_only_by_a_stall_of_the_machine_during_it() -> N
 
 def test_a_stall_too_short_for_the_gap_does_not_explain_it_and_several_add_up() -> None:
     states = received([state(k) for k in (0, 6)])
-    short = {"at_ns": T0 + 50 * MS, "stall_ms": 30.0}
+    short = (T0 + 20 * MS, T0 + 50 * MS)
     assert summarise(states, {}, [short])["gaps_over_60ms_unexplained"] == 1
-    assert summarise(states, {}, [short, {"at_ns": T0 + 90 * MS, "stall_ms": 30.0}])["gaps_over_60ms_unexplained"] == 0
+    assert summarise(states, {}, [short, (T0 + 60 * MS, T0 + 90 * MS)])["gaps_over_60ms_unexplained"] == 0
 
 
 def test_a_gap_of_exactly_60_milliseconds_is_none() -> None:
@@ -143,5 +143,5 @@ def test_the_report_is_plain_json() -> None:
     import json
 
     states = received([state(k) for k in (0, 1, 6)])
-    found = summarise(states, by_time([truth(0)]), [{"at_ns": T0 + 90 * MS, "stall_ms": 50.0}])
+    found = summarise(states, by_time([truth(0)]), [(T0 + 40 * MS, T0 + 90 * MS)])
     assert json.loads(json.dumps(found)) == found

@@ -5,16 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from milepost.checks.stalls import Stall, stalled_ns
 from milepost_schemas import FusedState, Truth
 
 Received = tuple[int, FusedState]
-# the beginning and the end of a time in which the machine let nobody run
-Stall = tuple[int, int]
 
 
 @dataclass
 class Figures:
-    """The figures of a stretch; `stall_s`: the part of the longest gap in which the machine itself stood still.
+    """The figures of a stretch; `stall_s`: the part of the longest gap in which a processor of the machine stood still.
 
     `repeated`: states of epochs that were there before, `contradicted`: those of them that place the train outside the
     other's interval, though neither awaited anything. `refused`: messages that the train's processes refused meanwhile.
@@ -71,7 +70,7 @@ def _contradicts(first: FusedState, again: FusedState) -> bool:
 
 def _gap(out: Figures, before_ns: int, after_ns: int, stalls: Sequence[Stall]) -> None:
     gap_s = (after_ns - before_ns) * 1e-9
-    stall_s = sum(max(0, min(end, after_ns) - max(begin, before_ns)) for begin, end in stalls) * 1e-9
+    stall_s = stalled_ns(stalls, before_ns, after_ns) * 1e-9
     # two gaps are compared by what is the train's own
     if gap_s - stall_s > out.gap_s - out.stall_s:
         out.gap_s, out.stall_s = gap_s, stall_s

@@ -1,8 +1,7 @@
-"""The stall sentinel beside the train: a process that wants to run every millisecond, and notes when it could not."""
+"""The stall sentinel beside the train, in a process of its own."""
 
 from __future__ import annotations
 
-import json
 import signal
 import subprocess
 import sys
@@ -10,7 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from .figures import Stall
+from milepost.checks.stalls import Stall, read_stalls
 
 
 class Sentinel:
@@ -21,10 +20,7 @@ class Sentinel:
 
     def stalls(self) -> list[Stall]:
         """All stalls of the machine of more than 10 ms until now."""
-        if not self._path.is_file():
-            return []
-        found = [json.loads(line) for line in self._path.read_text(encoding="utf-8").splitlines() if line.endswith("}")]
-        return [(each["at_ns"] - round(each["stall_ms"] * 1e6), each["at_ns"]) for each in found]
+        return read_stalls(self._path)
 
 
 @contextmanager

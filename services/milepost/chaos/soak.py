@@ -13,10 +13,11 @@ from typing import Any
 
 import psutil
 
+from milepost.checks.stalls import Stall
 from milepost.config.errors import ConfigError
 
 from .cells import BLOWS, LIE_S, LIES, targets
-from .figures import Figures, Received, Stall
+from .figures import Figures, Received
 from .stack import NORMAL_S, Stack
 from .witness import NotInTime
 

@@ -15,6 +15,8 @@ from milepost.runtime.listening import listening
 from milepost.runtime.zenoh_config import Connection, client
 from milepost_schemas import BalisePassed, FusedState, Message, Truth
 
+from .stalls import Stall, read_stalls, stalled_ns
+
 GAP_MS = 60.0
 
 
@@ -52,20 +54,14 @@ def run_observe(connect: Connection, trains: Sequence[str], report: Path, stalls
         for number in (signal.SIGTERM, signal.SIGINT):
             signal.signal(number, lambda *_: done.set())
         done.wait()
-    stalled = _read_stalls(stalls)
+    stalled = read_stalls(stalls)
     figures = {train: summarise(states[train], truths[train], stalled) for train in trains}
     found = figures[trains[0]] if len(trains) == 1 else {"trains": figures}
     report.write_text(json.dumps(found, indent=2) + "\n", encoding="utf-8")
 
 
-def _read_stalls(path: Path) -> list[dict[str, float]]:
-    if not path.is_file():
-        return []
-    return [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines() if line]
-
-
 def summarise(
-    states: Sequence[tuple[Seen | FusedState, int]], truths: dict[int, Truth], stalls: list[dict[str, float]]
+    states: Sequence[tuple[Seen | FusedState, int]], truths: dict[int, Truth], stalls: Sequence[Stall]
 ) -> dict[str, Any]:
     """Rate and gaps as received; errors against the truth after the first balise; whether the interval held it."""
     if len(states) < 2:
@@ -87,14 +83,14 @@ def summarise(
     long = [_explained(received[i], received[i + 1], stalls) for i in np.flatnonzero(gaps_ms > GAP_MS)]
     out["gaps_over_60ms"] = long
     out["gaps_over_60ms_unexplained"] = sum(gap["stall_ms"] < gap["gap_ms"] - GAP_MS for gap in long)
-    out["stall_max_ms"] = max((stall["stall_ms"] for stall in stalls), default=0.0)
+    out["stall_max_ms"] = max(((end - begin) / 1e6 for begin, end in stalls), default=0.0)
     out["truth"] = _against_truth([state for state, _ in states], truths)
     return out
 
 
-def _explained(before_ns: int, after_ns: int, stalls: list[dict[str, float]]) -> dict[str, float]:
-    overlapping = [s["stall_ms"] for s in stalls if s["at_ns"] > before_ns and s["at_ns"] - s["stall_ms"] * 1e6 < after_ns]
-    return {"at_ns": int(before_ns), "gap_ms": float(after_ns - before_ns) / 1e6, "stall_ms": sum(overlapping)}
+def _explained(before_ns: int, after_ns: int, stalls: Sequence[Stall]) -> dict[str, float]:
+    stall_ms = float(stalled_ns(stalls, before_ns, after_ns)) / 1e6
+    return {"at_ns": int(before_ns), "gap_ms": float(after_ns - before_ns) / 1e6, "stall_ms": stall_ms}
 
 
 def _ages(states: Sequence[tuple[Seen | FusedState, int]]) -> dict[str, float] | None:

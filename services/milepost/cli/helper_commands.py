@@ -50,7 +50,7 @@ def vacant(
 
 
 def sentinel(stalls: Annotated[Path, typer.Option("--stalls")]) -> None:
-    """Record when the machine delays a process: sleep a millisecond at a time and note longer gaps."""
-    from .stalls import run_sentinel
+    """Record when a processor of the machine stands still: sleep a millisecond at a time on each and note longer gaps."""
+    from milepost.checks.stalls import run_sentinel
 
     run_sentinel(stalls)

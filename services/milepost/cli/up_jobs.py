@@ -42,8 +42,7 @@ def measuring_jobs(connection: Connection, trains: Sequence[str], report: Path |
     if report is None:
         return
     from milepost.checks.observer import run_observe
-
-    from .stalls import run_sentinel
+    from milepost.checks.stalls import run_sentinel
 
     place = ("--stalls", str(stalls))
     yield Job("sentinel", ("sentinel",), place, partial(run_sentinel, stalls), restart=False)
