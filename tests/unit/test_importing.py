@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import json
 import math
-import random
 from collections.abc import Callable, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import NamedTuple
 
 import pytest
 
@@ -20,34 +18,7 @@ from milepost.recordings.importing.names import unit_in, words_of
 from milepost.recordings.importing.solutions import meaning_of
 from milepost.recordings.importing.times import time_format
 from milepost.track.earth import moved
-
-BEGAN_S = 1_700_000_000.0
-SPEED_MPS, SECONDS, RADIUS_M = 15.0, 60, 800.0
-
-
-class At(NamedTuple):
-    """Where the train is: time, latitude, longitude."""
-
-    t: float
-    lat: float
-    lon: float
-
-
-def ride(rate_hz: float = 1.0, noise_m: float = 0.3, turn_at_s: float | None = None) -> list[At]:
-    """A train at 15 m/s on a curve to the left, which goes back at `turn_at_s`."""
-    noise, out = random.Random(1), []
-    for i in range(round(SECONDS * rate_hz) + 1):
-        t = i / rate_hz
-        s = SPEED_MPS * (t if turn_at_s is None or t < turn_at_s else 2.0 * turn_at_s - t)
-        angle = s / RADIUS_M
-        east, north = RADIUS_M * (1.0 - math.cos(angle)), RADIUS_M * math.sin(angle)
-        place = moved(50.9, 4.5, -east + noise.gauss(0.0, noise_m), north + noise.gauss(0.0, noise_m))
-        out.append(At(t, *place))
-    return out
-
-
-def iso(t: float) -> str:
-    return datetime.fromtimestamp(BEGAN_S + t, UTC).isoformat().replace("+00:00", "Z")
+from rides import BEGAN_S, SECONDS, SPEED_MPS, iso, ride, write
 
 
 def comma(value: float, digits: int) -> str:
@@ -84,12 +55,6 @@ def one_log_of_two_devices() -> list[str]:
         place = f"{fixes[i // 10].lat:.7f},{fixes[i // 10].lon:.7f},RTK fixed" if i % 10 == 0 else ",,"
         rows.append(f"{BEGAN_S * 1000 + i * 100:.0f},{place},{SPEED_MPS * 3.6 * 1.01:.1f}")
     return ["epoch,lat,lon,status,wheelSpeedKmh", *rows]
-
-
-def write(folder: Path, lines: Sequence[str], encoding: str = "utf-8") -> Path:
-    path = folder / "My Run.csv"
-    path.write_text("\n".join(lines) + "\n", encoding=encoding)
-    return path
 
 
 def imported(folder: Path, log: Path, capsys: pytest.CaptureFixture[str], *column: str, line: Path | None = None) -> dict:
@@ -356,6 +321,13 @@ def test_a_hemisphere_in_a_column_of_its_own_is_one_line(letters: str, field: st
 
 def test_hemispheres_that_agree_with_the_signs_are_no_matter(tmp_path: Path, capsys) -> None:
     lines = ["t,Lat,ns,Lon,ew", *(f"{a.t},{a.lat:.7f},N,{a.lon:.7f},E" for a in ride())]
+    assert imported(tmp_path, write(tmp_path, lines), capsys)["fixes"] == SECONDS + 1
+
+
+@pytest.mark.parametrize(("name", "letters"), [("direction", "SS"), ("way", "NS")])
+def test_the_direction_of_travel_is_no_hemisphere(name: str, letters: str, tmp_path: Path, capsys) -> None:
+    """A train that goes south at 51° north, and one that turns round."""
+    lines = [f"t,Lat,Lon,{name}", *(f"{a.t},{a.lat:.7f},{a.lon:.7f},{letters[a.t > 30.0]}" for a in ride())]
     assert imported(tmp_path, write(tmp_path, lines), capsys)["fixes"] == SECONDS + 1
 
 

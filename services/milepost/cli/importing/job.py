@@ -15,7 +15,7 @@ from milepost.recordings.importing.clocks import on_the_clock_of
 from milepost.recordings.importing.columns import Column, LogColumns, Said, misfit, said
 from milepost.recordings.importing.fields import NEEDED
 from milepost.recordings.importing.log_file import LogFile, open_log
-from milepost.recordings.importing.speed_unit import known_columns
+from milepost.recordings.importing.speed_unit import known_columns, shown_by
 from milepost.recordings.importing.times import ISO
 
 from ..progress import progress_bar
@@ -81,6 +81,7 @@ def _with_columns(logs: Sequence[LogFile], told: Said) -> tuple[list[LogColumns]
     if len({each.columns[0].name for each in found if each.columns}) > 1 and "time" not in told.columns:
         found, remarks = _on_one_clock(logs, told, found)
     found.sort(key=lambda each: not {"latitude", "longitude"} <= {column.field for column in each.columns})
+    found = [found[0], *(_shown_by(found[0], each, told) for each in found[1:])]
     for number, each in enumerate(found):
         for field in NEEDED if number == 0 else NEEDED[:1]:
             if not any(column.field == field for column in each.columns):
@@ -132,6 +133,13 @@ def _columns(log: LogFile, told: Said) -> list[Column]:
         return known_columns(log, told)
     except ValueError as error:
         raise ConfigError(log.path, "", str(error)) from error
+
+
+def _shown_by(fixes: LogColumns, each: LogColumns, told: Said) -> LogColumns:
+    try:
+        return LogColumns(each.log, shown_by(fixes, each, told))
+    except ValueError as error:
+        raise ConfigError(each.log.path, "", str(error)) from error
 
 
 def _rows(each: LogColumns) -> float:

@@ -13,7 +13,7 @@ from milepost.recordings.importing.columns import Column, LogColumns
 from milepost.recordings.importing.figures import white_std
 from milepost.recordings.importing.inertial import AXES, inertial_parts
 from milepost.recordings.importing.names import unit_in, words_of
-from milepost.recordings.importing.rows import Array, Rows, left_out_told, no_numbers_told, period_s, read_rows
+from milepost.recordings.importing.rows import Array, Rows, gap_told, left_out_told, no_numbers_told, period_s, read_rows
 from milepost.recordings.importing.value_source import Part, value_recording
 
 from .units import UnitEntry, file_of, imu_options, wheel_options
@@ -22,6 +22,8 @@ from .way import Way
 # a filter needs no more readings than this a second: faster logs are averaged
 FASTEST_HZ, AVERAGE_S = 25.0, 0.05
 LEAST_STD_MPS = 0.07
+# no train is as fast: loggers write such numbers where they have none
+FASTEST_MPS = 200.0
 LEAST_ROWS = 10
 INERTIAL = [f"{quantity}_{axis}" for quantity in ("accel", "gyro") for axis in AXES]
 
@@ -44,6 +46,8 @@ def device_units(
     first: tuple[Array, Array] | None = None
     for each, column in wheels:
         rows = _overlapping(each, [column], (f"wheel:{column.name}",), way, show)
+        possible = np.abs(rows.values[f"wheel:{column.name}"]) <= FASTEST_MPS
+        rows = rows.chosen(possible, f"beyond {FASTEST_MPS:g} m/s")
         told += _remarks(column.name, rows)
         units.append(_wheel(each, column, rows, way, folder, len(wheels)))
         first = first or (rows.t_s - way.span.from_s, rows.values[f"wheel:{column.name}"])
@@ -61,6 +65,7 @@ def device_units(
         except ValueError as error:
             told.append(f"the inertial unit of {each.log.path.name} is left out: {error}")
             continue
+        told += _turned(each, parts["specific_force_mps2"])
         units.append(_imu(each, columns, rows, parts, way, folder))
         break
     return Devices(units, first, told)
@@ -68,7 +73,16 @@ def device_units(
 
 def _remarks(name: str, rows: Rows) -> list[str]:
     """What to say of the rows of a device, whose first column has this name."""
-    return [*([f"left out of {name}: {left_out_told(rows)}"] if rows.left_out else []), *no_numbers_told(rows)]
+    left_out = [f"left out of {name}: {left_out_told(rows)}"] if rows.left_out else []
+    return [*left_out, *no_numbers_told(rows), *gap_told(rows.t_s, "the device", f" of {name}")]
+
+
+def _turned(each: LogColumns, parts: Sequence[Part]) -> list[str]:
+    """What to say of an inertial unit whose axes are not as its columns name them."""
+    if all(part.sign > 0.0 and part.key == f"accel_{axis}" for part, axis in zip(parts, AXES, strict=True)):
+        return []
+    axes = [f"{axis} is {'' if part.sign > 0.0 else '-'}{part.column.name}" for part, axis in zip(parts, AXES, strict=True)]
+    return [f"the inertial unit of {each.log.path.name} is turned: {', '.join(axes)}"]
 
 
 def _overlapping(

@@ -17,8 +17,8 @@ from milepost.recordings.importing.position_source import FIELDS, position_recor
 from milepost.recordings.importing.rows import (
     Array,
     Rows,
+    gap_told,
     left_out_told,
-    longest_gap,
     no_numbers_told,
     period_s,
     placed,
@@ -27,7 +27,6 @@ from milepost.recordings.importing.rows import (
 )
 from milepost.recordings.importing.solutions import BEST_FIRST
 from milepost.recordings.importing.source import Copy, Recording
-from milepost.recordings.importing.times import DAY_S
 from milepost.track.from_fixes import NoWayError
 
 from .devices import Devices, device_units
@@ -41,10 +40,6 @@ MOST_COURSE_OFF_DEG = 30.0
 FIRST_S, FEW = 5.0, 5
 # noise about standstill is no speed
 LEAST_BACKWARDS_MPS, BACKWARDS_PART = 0.5, 0.02
-# a gap is told that is longer than both
-LONG_GAP_S, LONG_GAP_PERIODS = 10.0, 10.0
-# no receiver is silent for a day and for so many fixes; where fixes themselves are hours apart, the unit of time is wrong
-SET_PERIODS = 1e4
 ALONE = "the receiver is all there is, so it is trusted (fault_probability: 0): nothing could contradict it"
 
 
@@ -111,24 +106,12 @@ def _fixes(first: LogColumns, show: Callable[[float], None]) -> tuple[Rows, list
     told = [f"{len(rows.t_s)} fixes in {rows.t_s[-1] - rows.t_s[0]:.0f} s: {_counted(rows.solution)}"]
     told += [f"left out: {left_out_told(rows)}"] if rows.left_out else []
     told += no_numbers_told(rows)
-    told += _gap_told(rows.t_s)
+    told += gap_told(rows.t_s, "the receiver")
     _refuse_backwards(first, rows)
     told += [f"the log is faster than the receiver: a fix stands in {every} rows, of which one is used"] if every > 1 else []
     unknown = [word for word, meant in rows.words.items() if word and meant == "none"]
     told += [f"not taken for a solution: {', '.join(unknown)}"] if unknown else []
     return rows, told
-
-
-def _gap_told(t_s: Array) -> list[str]:
-    """What to say of the longest gap, where it is long. Raises ValueError for one that no receiver makes."""
-    (gap_s, after_s), usual_s = longest_gap(t_s), period_s(t_s)
-    if gap_s > max(DAY_S, SET_PERIODS * usual_s):
-        jumps = f"time: jumps by {gap_s:.0f} s after {after_s:.0f} s"
-        raise ValueError(f"{jumps}: the logger's clock was set there; cut the log there")
-    if gap_s <= max(LONG_GAP_S, LONG_GAP_PERIODS * usual_s):
-        return []
-    why = "there the receiver was silent, or its clock was set"
-    return [f"the longest gap is of {gap_s:.0f} s, after {after_s:.0f} s: {why}"]
 
 
 def _with_a_course(first: LogColumns, rows: Rows) -> tuple[LogColumns, Rows, list[str]]:

@@ -17,6 +17,8 @@ from .times import CLOCK, FITTING_PART, TimeFormat, time_format
 ASSUMED = ", unit assumed"
 # of positive and of negative numbers
 HEMISPHERES = {"latitude": "NS", "longitude": "EW"}
+# a column of this name says where the train goes, not where it is
+TRAVEL = {"dir", "direction", "heading", "travel", "course", "richtung", "bound"}
 ALIASES = {"lat": "latitude", "lon": "longitude", "altitude": "height", "quality": "solution", "odometer": "wheel"}
 
 
@@ -112,11 +114,14 @@ def _refuse_hemispheres(log: LogFile, found: Sequence[Column]) -> None:
     """Raises ValueError where the sign of a place stands in a column of its own: without it the place would be mirrored."""
     for column in found:
         letters = HEMISPHERES.get(column.field)
-        if letters is None or any(log.number(text) < 0.0 for text in log.values(column.name)):
+        numbers = [number for text in log.values(column.name) if not math.isnan(number := log.number(text))]
+        if letters is None or min(numbers, default=-1.0) < 0.0:
             continue
         for name in log.header:
             values = {text.strip().upper() for text in log.values(name)} if name != column.name else set()
-            if letters[1] in values and values <= {*letters, ""}:
+            # a train that goes north and south is in both hemispheres only at the equator
+            travel = set(words_of(name)) & TRAVEL or ({*letters} <= values and min(numbers) * column.factor > 1.0)
+            if letters[1] in values and values <= {*letters, ""} and not travel:
                 told = f"{column.field}: the column {name} says {letters[1]}, which is not read"
                 raise ValueError(f"{told}: write {letters[1]} as a minus in {column.name}")
 

@@ -21,35 +21,45 @@ COMPARED_S, LEAST_CORRELATION, LEAST_COMPARED = 2.0, 0.3, 5
 def inertial_parts(columns: Sequence[Column], rows: Rows, t_s: Array, speed_mps: Array) -> dict[str, list[Part]]:
     """The fields of an inertial reading, with axes turned to forward, right, down; `t_s`, `speed_mps`: of the train.
 
-    Raises ValueError with the reason where the columns cannot be the three axes of a unit that lies level.
+    Down is the axis that feels gravity, forward that of the other two which follows the speed; the third follows from these,
+    for the three are right-handed. Raises ValueError with the reason where no axes are these.
     """
     named = {column.field: column for column in columns}
     missing = [axis for axis in AXES if f"accel_{axis}" not in named]
     if missing:
         raise ValueError(f"it has no acceleration {', '.join(missing)}")
-    down = float(np.nanmean(rows.values["accel_down"]))
-    if not LEAST_GRAVITY <= abs(down) <= MOST_GRAVITY:
-        raise ValueError(f"its vertical axis does not feel gravity: {down:.2f} m/s2 in the mean (units: --unit accel_down=g)")
-    up = 1.0 if down < 0.0 else -1.0
-    agreement = _agreement(rows, t_s, speed_mps)
-    if abs(agreement) < LEAST_CORRELATION:
-        raise ValueError(f"its forward axis does not follow the train's speed: correlation {agreement:.2f}")
-    forward = 1.0 if agreement > 0.0 else -1.0
-    # two reversed axes reverse no third one: the three stay right-handed
-    signs = {"forward": forward, "right": forward * up, "down": up}
-    parts = {"specific_force_mps2": [Part(f"accel_{axis}", named[f"accel_{axis}"], signs[axis]) for axis in AXES]}
+    felt = [float(np.nanmean(rows.values[f"accel_{axis}"])) for axis in AXES]
+    down = int(np.argmax(np.abs(felt)))
+    if not LEAST_GRAVITY <= abs(felt[down]) <= MOST_GRAVITY:
+        most = f"{felt[down]:.2f} m/s2 in the mean at most"
+        raise ValueError(f"none of its axes feels gravity: {most} (units: --unit accel_down=g)")
+    # the share of the speed's changes that an axis feels: an axis that feels none may agree with anything by chance
+    followed = {at: _follows(rows, AXES[at], t_s, speed_mps) for at in range(3) if at != down}
+    forward = max(followed, key=lambda at: abs(followed[at][0]))
+    share, agreement = followed[forward]
+    if agreement < LEAST_CORRELATION:
+        raise ValueError(f"none of its axes follows the train's speed: correlation {agreement:.2f} at most")
+    right = 3 - down - forward
+    ahead, below = np.sign(share), -np.sign(felt[down])
+    # the determinant of the turned axes stays 1; that of their order is 1 for forward, right, down and its rotations
+    order = 1.0 if (right - forward) % 3 == 1 else -1.0
+    turned = [(AXES[forward], ahead), (AXES[right], ahead * below * order), (AXES[down], below)]
+    parts = {"specific_force_mps2": [Part(f"accel_{axis}", named[f"accel_{axis}"], sign) for axis, sign in turned]}
     if all(f"gyro_{axis}" in named for axis in AXES):
-        parts["turn_rate_radps"] = [Part(f"gyro_{axis}", named[f"gyro_{axis}"], signs[axis]) for axis in AXES]
+        parts["turn_rate_radps"] = [Part(f"gyro_{axis}", named[f"gyro_{axis}"], sign) for axis, sign in turned]
     return parts
 
 
-def _agreement(rows: Rows, t_s: Array, speed_mps: Array) -> float:
-    """The correlation of forward accelerations with the changes of speed."""
+def _follows(rows: Rows, axis: str, t_s: Array, speed_mps: Array) -> tuple[float, float]:
+    """The slope of an axis's accelerations over the changes of speed, and the size of their correlation; 0 if unknown."""
     edges = np.arange(max(t_s[0], rows.t_s[0]), min(t_s[-1], rows.t_s[-1]), COMPARED_S)
     at = np.searchsorted(rows.t_s, edges)
-    means = [float(np.mean(rows.values["accel_forward"][a:b])) if b > a else np.nan for a, b in pairwise(at)]
+    means = np.array([float(np.mean(rows.values[f"accel_{axis}"][a:b])) if b > a else np.nan for a, b in pairwise(at)])
     changes = np.diff(np.interp(edges, t_s, speed_mps)) / COMPARED_S
-    known = np.isfinite(np.array(means))
-    if np.count_nonzero(known) < LEAST_COMPARED or np.ptp(changes[known]) == 0.0:
-        return 0.0
-    return float(np.corrcoef(np.array(means)[known], changes[known])[0, 1])
+    known = np.isfinite(means)
+    if np.count_nonzero(known) < LEAST_COMPARED:
+        return 0.0, 0.0
+    (felt, both), (_, moved) = np.cov(means[known], changes[known])
+    if felt <= 0.0 or moved <= 0.0:
+        return 0.0, 0.0
+    return float(both / moved), float(abs(both) / np.sqrt(felt * moved))

@@ -17,6 +17,10 @@ Array = NDArray[np.float64]
 TELL_EVERY = 2000
 # a run of equal fixes is longer than this where the log is faster than the receiver
 LEAST_REPEATS = 1.5
+# a gap is told that is longer than both
+LONG_GAP_S, LONG_GAP_PERIODS = 10.0, 10.0
+# no device is silent for a day and for so many rows; where fixes themselves are hours apart, the unit of time is wrong
+SET_PERIODS = 1e4
 # what loggers write where they have no value
 EMPTY = ("", "nan")
 
@@ -138,11 +142,20 @@ def period_s(t_s: Array) -> float:
     return float(np.median(np.diff(t_s))) if len(t_s) > 1 else 1.0
 
 
-def longest_gap(t_s: Array) -> tuple[float, float]:
-    """The longest time between two rows, and when it begins after the first row; at least two rows."""
+def gap_told(t_s: Array, who: str, of: str = "") -> list[str]:
+    """What to say of the longest gap, where it is long. Raises ValueError for one that no device makes."""
+    if len(t_s) < 2:
+        return []
     steps = np.diff(t_s)
     at = int(np.argmax(steps))
-    return float(steps[at]), float(t_s[at] - t_s[0])
+    gap_s, after_s, usual_s = float(steps[at]), float(t_s[at] - t_s[0]), period_s(t_s)
+    if gap_s > max(DAY_S, SET_PERIODS * usual_s):
+        raise ValueError(
+            f"time{of}: jumps by {gap_s:.0f} s after {after_s:.0f} s: the logger's clock was set there; cut the log there"
+        )
+    if gap_s <= max(LONG_GAP_S, LONG_GAP_PERIODS * usual_s):
+        return []
+    return [f"the longest gap{of} is of {gap_s:.0f} s, after {after_s:.0f} s: there {who} was silent, or its clock was set"]
 
 
 def left_out_told(rows: Rows) -> str:

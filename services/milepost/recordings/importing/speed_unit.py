@@ -3,20 +3,27 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import islice
 
+import numpy as np
+
 from ..units import UNITS
-from .columns import ASSUMED, Column, Said, columns_of
+from .columns import ASSUMED, Column, LogColumns, Said, columns_of
 from .legs import north_east_m
 from .log_file import LogFile
+from .rows import Array
 
 # what vehicles' speeds are written in
 USUAL = ("m/s", "km/h", "mph", "kn", "ft/s", "cm/s", "mm/s")
 # the way is taken in legs that are long beside the noise of fixes, over so much of a log at most
-LEG_M, WAY_M, MOST_ROWS = 20.0, 1000.0, 50_000
+LEG_M, LEAST_LEGS, MOST_ROWS = 20.0, 5, 50_000
+# a leg that differs so much from the usual one has a wrong number or a wrong fix in it
+ODD = 1.5
 # a knot is 15 % more than a mile an hour
 NEAR, FITS = 0.06, 0.02
+PLACES = ("latitude", "longitude")
 
 
 def known_columns(log: LogFile, told: Said) -> list[Column]:
@@ -25,27 +32,37 @@ def known_columns(log: LogFile, told: Said) -> list[Column]:
     Raises ValueError for one that was named, or names its unit, and is not as said.
     """
     columns = columns_of(log, told)
-    of = {column.field: column for column in columns}
-    if not {"time", "latitude", "longitude"} <= of.keys():
-        return columns
-    return [_shown(log, column, of) if _is_speed(column) and column.field not in told.units else column for column in columns]
+    return shown_by(LogColumns(log, columns), LogColumns(log, columns), told)
+
+
+def shown_by(fixes: LogColumns, each: LogColumns, told: Said) -> list[Column]:
+    """The columns of a log, with the unit of each speed that was assumed as the way between the fixes, of a log, shows it.
+
+    Raises ValueError for a unit that is not the one of a column's name.
+    """
+    if not {"time", *PLACES} <= {column.field for column in fixes.columns} or not each.of("time"):
+        return each.columns
+    return [
+        _shown(fixes, each, column) if _is_speed(column) and column.field not in told.units else column
+        for column in each.columns
+    ]
 
 
 def _is_speed(column: Column) -> bool:
     return column.unit in UNITS and UNITS[column.unit].quantity == "speed"
 
 
-def _shown(log: LogFile, column: Column, of: dict[str, Column]) -> Column:
+def _shown(fixes: LogColumns, each: LogColumns, column: Column) -> Column:
     """A column whose unit was assumed, with the one that the places show. Raises ValueError where they contradict its name."""
-    ratio = _metres_by_number(log, column, of)
+    ratio = _metres_by_number(fixes, PLACES, each, column)
     if math.isnan(ratio):
         return column
     unit = _unit_of(ratio)
     if not column.why.endswith(ASSUMED):
-        if of["time"].why.endswith(ASSUMED) and _off(1000.0 * ratio, column.unit) <= NEAR:
-            name = of["time"].name
-            raise ValueError(f"time: by the places and the speeds its column {name} is in ms: say --unit time=ms")
-        _check(log, column, of, ratio, unit)
+        (time,) = each.of("time")
+        if time.why.endswith(ASSUMED) and _off(1000.0 * ratio, column.unit) <= NEAR:
+            raise ValueError(f"time: by the places and the speeds its column {time.name} is in ms: say --unit time=ms")
+        _check(fixes, each, column, ratio, unit)
         return column
     if unit is None:
         return replace(column, why=f"{column.why}; the places show {ratio:.2g} m/s for each 1: say --unit {column.field}=UNIT")
@@ -62,42 +79,65 @@ def _off(ratio: float, unit: str) -> float:
     return abs(math.log(ratio / UNITS[unit].factor))
 
 
-def _check(log: LogFile, column: Column, of: dict[str, Column], ratio: float, shown: str | None) -> None:
+def _check(fixes: LogColumns, each: LogColumns, column: Column, ratio: float, shown: str | None) -> None:
     """Raises ValueError where the places show another unit than the column's name."""
     if _off(ratio, column.unit) <= NEAR:
         return
-    exchanged = {**of, "latitude": of["longitude"], "longitude": of["latitude"]}
-    if _off(_metres_by_number(log, column, exchanged), column.unit) <= FITS:
-        names = f"--column latitude={of['longitude'].name} --column longitude={of['latitude'].name}"
-        raise ValueError(f"latitude, longitude: by the speeds in {column.name} the two are exchanged: say {names}")
+    if _off(_metres_by_number(fixes, PLACES[::-1], each, column), column.unit) <= FITS:
+        names = {place.field: place.name for place in fixes.of(*PLACES)}
+        say = f"--column latitude={names['longitude']} --column longitude={names['latitude']}"
+        raise ValueError(f"latitude, longitude: by the speeds in {column.name} the two are exchanged: say {say}")
     if shown is not None:
         contradiction = f"the column {column.name} is in {column.unit} by its name, but the places show {shown}"
         raise ValueError(f"{column.field}: {contradiction}: say which with --unit {column.field}=UNIT")
 
 
-def _metres_by_number(log: LogFile, column: Column, of: dict[str, Column]) -> float:
+def _metres_by_number(fixes: LogColumns, places: Sequence[str], each: LogColumns, column: Column) -> float:
     """The way between fixes in metres, divided by the integral of the numbers over the same time; NaN where there is no way."""
-    time = of["time"]
+    of = {known.field: known for known in fixes.columns}
+    t_s, latitude, longitude = _numbers(fixes, [of[place] for place in places])
+    at_s, number = _numbers(each, [column])
+    if not len(t_s) or len(at_s) < 2:
+        return math.nan
+    anchors = _anchors(latitude * of["latitude"].factor, longitude * of["longitude"].factor)
+    t_s, legs_m = t_s[[at for at, _ in anchors]], np.array([leg_m for _, leg_m in anchors])
+    known = (t_s >= at_s[0]) & (t_s <= at_s[-1])
+    number = np.abs(number)
+    integral = np.concatenate([[0.0], np.cumsum(0.5 * (number[1:] + number[:-1]) * np.diff(at_s))])
+    legs, legs_m = np.diff(np.interp(t_s[known], at_s, integral)), legs_m[known][1:]
+    moves = legs > 0.0
+    if np.count_nonzero(moves) < LEAST_LEGS:
+        return math.nan
+    ratios = legs_m[moves] / legs[moves]
+    usual = np.abs(np.log(ratios / np.median(ratios))) <= math.log(ODD)
+    return float(legs_m[moves][usual].sum() / legs[moves][usual].sum())
+
+
+def _anchors(latitude: Array, longitude: Array) -> list[tuple[int, float]]:
+    """The first fix, and each that is a leg away from the anchor before, with the length of the leg."""
+    out = [(0, 0.0)]
+    for at in range(1, len(latitude)):
+        last = out[-1][0]
+        leg_m = math.hypot(*north_east_m(latitude[last], longitude[last], latitude[at], longitude[at]))
+        if leg_m >= LEG_M:
+            out.append((at, leg_m))
+    return out
+
+
+def _numbers(each: LogColumns, columns: Sequence[Column]) -> Array:
+    """Times, increasing, and the numbers of some columns, from the rows that have all (1 + columns, n)."""
+    (time,) = each.of("time")
     assert time.time is not None
-    names = [*([time.date] if time.date else []), time.name, of["latitude"].name, of["longitude"].name, column.name]
-    way_m = number_s = leg_s = 0.0
-    anchor, before = None, None
-    for _, cells in islice(log.rows(names), MOST_ROWS):
-        *when, latitude, longitude, text = cells
-        at = log.number(latitude) * of["latitude"].factor, log.number(longitude) * of["longitude"].factor
-        speed = log.number(text)
+    names = [*([time.date] if time.date else []), time.name, *(column.name for column in columns)]
+    out, latest_s = [], -math.inf
+    for _, cells in islice(each.log.rows(names), MOST_ROWS):
+        when, texts = cells[: -len(columns)], cells[-len(columns) :]
         try:
-            t_s = time.time.seconds(" ".join(when))
+            t_s = time.time.seconds(" ".join(when)) + time.ahead_s
         except ValueError:
             continue
-        if math.isnan(speed) or math.isnan(at[0]) or math.isnan(at[1]):
-            continue
-        if before is not None and t_s > before[0]:
-            leg_s += 0.5 * (abs(speed) + before[1]) * (t_s - before[0])
-        before = t_s, abs(speed)
-        anchor = at if anchor is None else anchor
-        if (leg_m := math.hypot(*north_east_m(*anchor, *at))) >= LEG_M:
-            way_m, number_s, leg_s, anchor = way_m + leg_m, number_s + leg_s, 0.0, at
-        if way_m >= WAY_M:
-            break
-    return way_m / number_s if way_m >= 5 * LEG_M and number_s > 0.0 else math.nan
+        row = [each.log.number(text) for text in texts]
+        if t_s > latest_s and all(map(math.isfinite, row)):
+            out.append([t_s, *row])
+            latest_s = t_s
+    return np.array(out, dtype=float).reshape(-1, 1 + len(columns)).T
