@@ -13,7 +13,9 @@ import pytest
 from mcap.reader import make_reader
 
 from examples import T0, examples_of
+from milepost.cli.recording.describe import run_export
 from milepost.cli.schema import schema_files
+from milepost.config.errors import ConfigError
 from milepost.recorder.columns import columns_of
 from milepost.recorder.export import export, outputs
 from milepost.recorder.file import RecordingFile
@@ -62,6 +64,18 @@ def exported(recording: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     assert done.messages == sum(len(examples_of(row)) for row in RECORDED)
     assert done.refused == {}
     return folder
+
+
+def test_what_is_exported_into_the_recordings_folder_is_refused(recording: Path, tmp_path: Path) -> None:
+    """The next `info` of the folder would count it as recorded."""
+    (tmp_path / "drive").mkdir()
+    whole = tmp_path / "drive/all.mcap"
+    whole.write_bytes(recording.read_bytes())
+    with pytest.raises(ConfigError, match="would be read as a part of the recording: name a file elsewhere for --foxglove"):
+        run_export(tmp_path / "drive", None, None, tmp_path / "drive/foxglove.mcap")
+    assert [each.name for each in whole.parent.iterdir()] == ["all.mcap"]
+    # one file alone is not mistaken for another
+    assert run_export(whole, None, None, tmp_path / "drive/foxglove.mcap") == 0
 
 
 def test_what_is_not_recorded_is_stated_row_by_row() -> None:

@@ -149,6 +149,13 @@ class TestACutOffFile:
         assert not reader.whole
         assert reader.damaged == []
 
+    def test_its_size_is_that_of_the_file(self, tmp_path: Path, three_chunks: bytes) -> None:
+        """With what stands behind the last record that can be read."""
+        path = tmp_path / "cut.mcap"
+        path.write_bytes(three_chunks + b"\x06 and no more")
+        (found,) = Summary().read([path]).as_dict()["files"]
+        assert found["bytes"] == len(three_chunks) + len(b"\x06 and no more")
+
     def test_at_every_byte_it_gives_whole_chunks_and_no_error(self, tmp_path: Path, three_chunks: bytes) -> None:
         path, counts = tmp_path / "cut.mcap", set()
         for size in range(8, len(three_chunks), 7):

@@ -97,7 +97,7 @@ class Summary:
             "files": [
                 {
                     "file": str(each.path),
-                    "bytes": each.read_bytes,
+                    "bytes": each.path.stat().st_size,
                     "whole": each.whole,
                     "damaged": each.damaged,
                     **each.metadata,

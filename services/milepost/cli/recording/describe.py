@@ -84,9 +84,11 @@ def run_export(recording: Path, csv: Path | None, parquet: Path | None, foxglove
     if parquet is not None:
         need_parquet("export --parquet")
     from milepost.recorder.export import export, outputs
-    from milepost.recorder.reading import recordings_in
+    from milepost.recorder.reading import SUFFIX, recordings_in
 
     files = recordings_in(recording)
+    if foxglove is not None and foxglove.suffix == SUFFIX and foxglove.resolve().parent == recording.resolve():
+        raise ConfigError(foxglove, "", "would be read as a part of the recording: name a file elsewhere for --foxglove")
     size = sum(file.stat().st_size for file in files)
     with progress_bar("exporting", size) as show, outputs(csv, parquet, foxglove, files) as writers:
         done = export(files, writers, show)
