@@ -16,6 +16,7 @@ import msgpack
 import pytest
 import zenoh
 
+from milepost.chaos.news import News
 from milepost.chaos.running import RunningTrain as Stack
 from milepost.chaos.running import free_port as free_port
 from milepost.chaos.running import title_of as title_of
@@ -45,9 +46,11 @@ class Outside:
         # a search for cycles in all that is kept takes up to a second, which would be measured as a gap in what is heard
         self._measures = ExitStack()
         self._measures.enter_context(no_collection())
-        self.news = threading.Condition()
+        self.news = News()
+        # other ones for each new key: who looks at one meanwhile is not disturbed
         self.heard: dict[str, list[tuple[int, dict]]] = {}
         self.tokens: dict[str, bool] = {}
+        self._keys = threading.Lock()
         self._kept = []
 
     def listen(self, key: str) -> None:
@@ -56,23 +59,25 @@ class Outside:
                 entry = (time.time_ns(), msgpack.unpackb(sample.payload.to_bytes()))
             except ValueError:  # the garbage that a test puts comes back to it
                 return
-            with self.news:
-                self.heard.setdefault(str(sample.key_expr), []).append(entry)
-                self.news.notify_all()
+            on = str(sample.key_expr)
+            if on not in self.heard:
+                with self._keys:
+                    self.heard = {on: [], **self.heard}
+            self.heard[on].append(entry)
+            self.news.heard()
 
         self._kept.append(self.session.declare_subscriber(key, receive))
 
     def watch_tokens(self, key: str) -> None:
         def changed(sample):
-            with self.news:
-                self.tokens[str(sample.key_expr)] = sample.kind == zenoh.SampleKind.PUT
-                self.news.notify_all()
+            with self._keys:
+                self.tokens = {**self.tokens, str(sample.key_expr): sample.kind == zenoh.SampleKind.PUT}
+            self.news.heard()
 
         self._kept.append(self.session.liveliness().declare_subscriber(key, changed, history=True))
 
     def messages(self, key: str) -> list[dict]:
-        with self.news:
-            return [message for _, message in self.heard.get(key, [])]
+        return [message for _, message in self.heard.get(key, [])]
 
     def newest(self, key: str) -> dict:
         """The last message on a key; empty where there was none."""
@@ -81,15 +86,8 @@ class Outside:
 
     def wait_for(self, what: Callable[[], object], timeout_s: float, why: str) -> object:
         """Wait until `what()` is true; what came is looked at whenever something comes."""
-        deadline = time.monotonic() + timeout_s
-        with self.news:
-            while not (found := what()):
-                left = deadline - time.monotonic()
-                if left <= 0.0 or not self.news.wait(left):
-                    if found := what():
-                        return found
-                    pytest.fail(f"not within {timeout_s:g} s: {why}")
-            return found
+        found: object = self.news.wait_for(what, timeout_s, why)
+        return found
 
     def wait_state(self, key: str, accept: Callable[[dict], bool], timeout_s: float, why: str) -> dict:
         """The first state from now on that `accept` takes."""

@@ -18,8 +18,8 @@ from milepost.runtime.train_jobs import router_jobs, train_jobs
 
 from .cells import Cell, cells
 from .figures import Figures
+from .news import NotInTime
 from .stack import NORMAL_S, Stack
-from .witness import NotInTime
 
 # the train `full` spins a wheel 75 s after its start, and cells on it would not be like those before
 TRAIN_S = 65.0

@@ -18,8 +18,8 @@ from milepost.config.errors import ConfigError
 
 from .cells import BLOWS, LIE_S, LIES, targets
 from .figures import Figures, Received
+from .news import NotInTime
 from .stack import NORMAL_S, Stack
-from .witness import NotInTime
 
 EVERY_S = 5.0
 LIES_SHARE = 0.3

@@ -220,9 +220,7 @@ class Stack(View):
             yield figures
         finally:
             recovery_s, until_ns = figures.recovery_s, time.time_ns()
-            with self.witness.news:
-                received = self.witness.received[begin:]
-                truths = dict(self.witness.truths)
+            received, truths = self.witness.received[begin:], self.witness.truths.copy()
             figures.__dict__.update(measure(received, truths, self.sentinel.stalls(), until_ns).__dict__)
             figures.recovery_s = recovery_s
 

@@ -14,10 +14,13 @@ from milepost.runtime.instances import Token
 from milepost.runtime.launch import Job, is_router
 from milepost_schemas import Event, FusedState
 
+from .news import NotInTime
 from .running import RunningTrain
-from .witness import NotInTime, Witness
+from .witness import Witness
 
 FRESH_S = 0.5
+# routers that did not listen are looked at again after so long
+LOOK_AGAIN_S = 0.25
 
 
 class View:
@@ -36,6 +39,7 @@ class View:
         # what must have gone, and until when a sensor lies, before the train can be said to have recovered
         self._gone: set[int | Token] = set()
         self._lying_until = 0.0
+        self._look_again = 0.0
 
     @property
     def processes(self) -> list[str]:
@@ -65,7 +69,7 @@ class View:
     @property
     def leader(self) -> str:
         """The process that spoke last on `state`."""
-        return self.states[-1].unit
+        return self.witness.received[-1][1].unit
 
     @property
     def standby(self) -> str:
@@ -102,12 +106,11 @@ class View:
 
     def refused(self) -> int:
         """How many messages all processes have refused, those that ended too, as their newest health says."""
-        with self.witness.news:
-            return sum(sum(health.refused.values()) for health in self.witness.health.values())
+        return sum(sum(health.refused.values()) for health in list(self.witness.health.values()))
 
     def wait_for(self, what: Callable[[], Any], timeout_s: float, why: str = "what was waited for") -> Any:
         """Wait until `what()` is true, looked at whenever something is heard; returns it. Raises NotInTime."""
-        return self.witness.wait_for(what, timeout_s, why)
+        return self.witness.news.wait_for(what, timeout_s, why)
 
     def healthy(self) -> bool:
         """All processes are there, the newest state is fresh and `normal`, and no unit is excluded."""
@@ -116,13 +119,18 @@ class View:
         at_ns, state = self.witness.received[-1]
         wanted = {name for name in self.jobs if not is_router(name)}
         fresh = (time.time_ns() - at_ns) * 1e-9 < FRESH_S
-        return fresh and state.status == "normal" and not state.excluded and wanted <= self.there and not self._deaf_routers()
+        well = fresh and state.status == "normal" and not state.excluded and wanted <= self.there
+        return well and time.monotonic() >= self._look_again and not self._deaf_routers()
 
     def _deaf_routers(self) -> dict[str, str]:
         """The routers that do not listen where they should, and what is seen instead."""
         routers = [name for name in self.jobs if is_router(name)]
         found = {name: self._deaf(name, endpoint) for name, endpoint in zip(routers, self.endpoints, strict=True)}
-        return {name: why for name, why in found.items() if why}
+        deaf = {name: why for name, why in found.items() if why}
+        if deaf:
+            # all processes and their sockets are looked through: for each message that would take a third of a processor
+            self._look_again = time.monotonic() + LOOK_AGAIN_S
+        return deaf
 
     def _deaf(self, router: str, endpoint: str) -> str:
         port = int(endpoint.rpartition(":")[2])

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import threading
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
@@ -14,12 +13,10 @@ from milepost.runtime.instances import Token
 from milepost.runtime.listening import listening
 from milepost_schemas import Event, FusedState, Health, Message, Truth
 
+from .news import News
+
 ROUTER_WITHIN_MS = 20_000
 HEARD = ("state", "truth", "event", "health")
-
-
-class NotInTime(AssertionError):
-    """What was waited for did not come."""
 
 
 def outsider(connection: zenoh_config.Connection) -> dict[str, Any]:
@@ -35,42 +32,32 @@ class Witness:
     """
 
     def __init__(self) -> None:
-        self.news = threading.Condition()
+        self.news = News()
         self.received: list[tuple[int, FusedState]] = []
         self.truths: dict[int, Truth] = {}
         self.events: list[Event] = []
         self.health: dict[tuple[str, str], Health] = {}
-        self.alive: set[Token] = set()
+        # another set for each change: who looks at one while a token comes is not disturbed
+        self.alive: frozenset[Token] = frozenset()
+        self._tokens = threading.Lock()
 
     def hear(self, _: str, message: Message, now_ns: int) -> None:
         """Keep a message."""
-        with self.news:
-            if isinstance(message, FusedState):
-                self.received.append((now_ns, message))
-            elif isinstance(message, Truth):
-                self.truths[message.measured_at_ns] = message
-            elif isinstance(message, Event):
-                self.events.append(message)
-            elif isinstance(message, Health):
-                self.health[message.unit, message.instance] = message
-            self.news.notify_all()
+        if isinstance(message, FusedState):
+            self.received.append((now_ns, message))
+        elif isinstance(message, Truth):
+            self.truths[message.measured_at_ns] = message
+        elif isinstance(message, Event):
+            self.events.append(message)
+        elif isinstance(message, Health):
+            self.health[message.unit, message.instance] = message
+        self.news.heard()
 
     def see(self, token: Token, alive: bool) -> None:
         """A process came or went."""
-        with self.news:
-            (self.alive.add if alive else self.alive.discard)(token)
-            self.news.notify_all()
-
-    def wait_for(self, what: Callable[[], Any], timeout_s: float, why: str) -> Any:
-        """Wait until `what()` is true, looked at whenever something comes; returns it. Raises NotInTime."""
-        deadline = time.monotonic() + timeout_s
-        with self.news:
-            while not (found := what()):
-                left = deadline - time.monotonic()
-                if left <= 0.0:
-                    raise NotInTime(f"not within {timeout_s:g} s: {why}")
-                self.news.wait(min(left, 0.5))
-            return found
+        with self._tokens:
+            self.alive = self.alive | {token} if alive else self.alive - {token}
+        self.news.heard()
 
 
 @contextmanager
