@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from milepost.estimation.estimator import Estimator, Prior
+from milepost.estimation.late import AT_ONCE
 from milepost.estimation.layout import Layout, PrivateState
 from milepost.estimation.observation import FUTURE_NS, Observation
 from milepost.estimation.time_units import NS_PER_S
@@ -153,6 +154,35 @@ def test_what_an_interruption_kept_back_is_soon_in_the_live_state():
     assert counts[0] < 50
     assert counts[-1] == 200
     assert max(work[1:]) <= 60
+
+
+def test_what_an_interruption_kept_back_costs_no_more_where_it_comes_bit_by_bit():
+    """GIVEN readings of two seconds that come within a quarter WHEN live states are asked for THEN none computes for them.
+
+    For each that came while others were taken in, the next state computed two beliefs more: 0.1 s at once.
+    """
+    kernel = Counted()
+    timeline = Timeline(kernel, (), SECOND)
+    for i in range(300):
+        timeline.insert(speed(0.01 * i, i, unit="a"), T0 + round(0.01 * i * NS_PER_S))
+    now_ns = T0 + 3 * NS_PER_S
+    timeline.live_at(now_ns, 8)
+    counts, work = [], []
+    for epoch in range(75):
+        now_ns += 20_000_000
+        for i in range(100 + 16 * epoch, min(300, 116 + 16 * epoch)):
+            timeline.insert(speed(0.01 * i + 0.005, i, unit="b", order=1), now_ns)
+        for i in (300 + 2 * epoch, 301 + 2 * epoch):
+            timeline.insert(speed(0.01 * i, i, unit="a"), now_ns)
+        before = kernel.work
+        timeline.advance_to(now_ns)
+        counts.append(sum(unit == "b" for unit, _ in timeline.live_at(now_ns, 8)))
+        work.append(kernel.work - before)
+    assert counts[-1] == 200
+    # 8, two for each of the two that came in time, and those two in the chain without the late ones; but for the last of the
+    # two seconds, which are late by less than what is taken in at once
+    assert sorted(work)[-3] <= 8 + 2 * 2 + 2
+    assert max(work) <= 8 + 2 * (2 + 16) + AT_ONCE
 
 
 def test_what_is_handed_over_while_a_unit_is_late_holds_up_no_live_state():

@@ -36,7 +36,8 @@ class Timeline:
         # while late observations are being taken in: the chain without them
         self._live: Chain | None = None
         self._late = Late()
-        self._accepted = 0
+        # so many observations came into it since the last live state
+        self._prompt = 0
         self._rebased = False
         self._seen: set[Identity] = set()
         self._boundary_ns = 0
@@ -96,6 +97,7 @@ class Timeline:
             self._place(observation)
             if self._live is not None and self._live.behind(observation) <= AT_ONCE:
                 self._live.place(observation)
+                self._prompt += 1
         return None
 
     def untimely(self, at_ns: int, now_ns: int) -> str | None:
@@ -165,14 +167,14 @@ class Timeline:
     def live_at(self, at_ns: int, at_a_time: int) -> Any | None:
         """The same, without observations that came so late that others like them are awaited, or are being taken in.
 
-        For them so many beliefs are computed again, and two for each observation since the last time.
+        For them so many beliefs are computed again, and two for each of the others since the last time.
         """
         chain = self._chain
         self._take_aside(self._late.due(self._boundary_ns + self.horizon_ns))
-        came, self._accepted = self.counters.accepted - self._accepted, self.counters.accepted
+        prompt, self._prompt = self._prompt, 0
         if self._live is not None:
             until = chain.count_until(at_ns)
-            chain.replay(min(until, chain.valid + at_a_time + 2 * came))
+            chain.replay(min(until, chain.valid + at_a_time + 2 * prompt))
             if chain.valid < until:
                 return self._live.state_at(at_ns)
             self._live = None
