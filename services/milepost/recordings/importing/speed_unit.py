@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import islice
 
@@ -17,8 +17,8 @@ from .rows import Array
 
 # what vehicles' speeds are written in
 USUAL = ("m/s", "km/h", "mph", "kn", "ft/s", "cm/s", "mm/s")
-# the way is taken in legs that are long beside the noise of fixes, over so much of a log at most
-LEG_M, LEAST_LEGS, MOST_ROWS = 20.0, 5, 50_000
+# the way is taken in legs that are long beside the noise of fixes, so many of them, in so much of a log at most
+LEG_M, LEAST_LEGS, MOST_LEGS, MOST_ROWS = 20.0, 5, 50, 50_000
 # a leg that differs so much from the usual one has a wrong number or a wrong fix in it
 ODD = 1.5
 # a knot is 15 % more than a mile an hour
@@ -94,50 +94,62 @@ def _check(fixes: LogColumns, each: LogColumns, column: Column, ratio: float, sh
 
 def _metres_by_number(fixes: LogColumns, places: Sequence[str], each: LogColumns, column: Column) -> float:
     """The way between fixes in metres, divided by the integral of the numbers over the same time; NaN where there is no way."""
-    of = {known.field: known for known in fixes.columns}
-    t_s, latitude, longitude = _numbers(fixes, [of[place] for place in places])
-    at_s, number = _numbers(each, [column])
-    if not len(t_s) or len(at_s) < 2:
+    rows = _numbers(each, [column])
+    first = next(rows, None)
+    if first is None:
         return math.nan
-    anchors = _anchors(latitude * of["latitude"].factor, longitude * of["longitude"].factor)
-    t_s, legs_m = t_s[[at for at, _ in anchors]], np.array([leg_m for _, leg_m in anchors])
-    known = (t_s >= at_s[0]) & (t_s <= at_s[-1])
+    ends_s, way_m = _legs(fixes, places, first[0])
+    if not len(ends_s):
+        return math.nan
+    numbers = [first]
+    while numbers[-1][0] < ends_s[-1] and (row := next(rows, None)) is not None:
+        numbers.append(row)
+    at_s, number = np.array(numbers).T
     number = np.abs(number)
     integral = np.concatenate([[0.0], np.cumsum(0.5 * (number[1:] + number[:-1]) * np.diff(at_s))])
-    legs, legs_m = np.diff(np.interp(t_s[known], at_s, integral)), legs_m[known][1:]
-    moves = legs > 0.0
+    known = ends_s <= at_s[-1]
+    told, way_m = np.diff(np.interp(ends_s[known], at_s, integral)), way_m[known][1:]
+    moves = told > 0.0
     if np.count_nonzero(moves) < LEAST_LEGS:
         return math.nan
-    ratios = legs_m[moves] / legs[moves]
-    usual = np.abs(np.log(ratios / np.median(ratios))) <= math.log(ODD)
-    return float(legs_m[moves][usual].sum() / legs[moves][usual].sum())
+    told, way_m = told[moves], way_m[moves]
+    usual = np.abs(np.log(way_m / told / np.median(way_m / told))) <= math.log(ODD)
+    return float(way_m[usual].sum() / told[usual].sum())
 
 
-def _anchors(latitude: Array, longitude: Array) -> list[tuple[int, float]]:
-    """The first fix, and each that is a leg away from the anchor before, with the length of the leg."""
-    out = [(0, 0.0)]
-    for at in range(1, len(latitude)):
-        last = out[-1][0]
-        leg_m = math.hypot(*north_east_m(latitude[last], longitude[last], latitude[at], longitude[at]))
-        if leg_m >= LEG_M:
-            out.append((at, leg_m))
-    return out
+def _legs(fixes: LogColumns, places: Sequence[str], from_s: float) -> tuple[Array, Array]:
+    """Legs between fixes: when each ends, and its way in metres, 0 for the first; `places`: fields of latitude, longitude."""
+    of = {known.field: known for known in fixes.columns}
+    factors = [of[place].factor for place in places]
+    ends: list[tuple[float, float]] = []
+    anchor: list[float] | None = None
+    for t_s, *place in _numbers(fixes, [of[place] for place in places]):
+        if t_s < from_s:
+            continue
+        at = [number * factor for number, factor in zip(place, factors, strict=True)]
+        leg_m = 0.0 if anchor is None else math.hypot(*north_east_m(*anchor, *at))
+        if anchor is None or leg_m >= LEG_M:
+            ends.append((t_s, leg_m))
+            anchor = at
+        if len(ends) > MOST_LEGS:
+            break
+    ends_s, way_m = np.array(ends).reshape(-1, 2).T
+    return ends_s, way_m
 
 
-def _numbers(each: LogColumns, columns: Sequence[Column]) -> Array:
-    """Times, increasing, and the numbers of some columns, from the rows that have all (1 + columns, n)."""
+def _numbers(each: LogColumns, columns: Sequence[Column]) -> Iterator[list[float]]:
+    """Time and the numbers of some columns, of each row that has all, in order of increasing times."""
     (time,) = each.of("time")
     assert time.time is not None
     names = [*([time.date] if time.date else []), time.name, *(column.name for column in columns)]
-    out, latest_s = [], -math.inf
+    latest_s = -math.inf
     for _, cells in islice(each.log.rows(names), MOST_ROWS):
         when, texts = cells[: -len(columns)], cells[-len(columns) :]
         try:
             t_s = time.time.seconds(" ".join(when)) + time.ahead_s
         except ValueError:
             continue
-        row = [each.log.number(text) for text in texts]
+        row = [t_s, *(each.log.number(text) for text in texts)]
         if t_s > latest_s and all(map(math.isfinite, row)):
-            out.append([t_s, *row])
+            yield row
             latest_s = t_s
-    return np.array(out, dtype=float).reshape(-1, 1 + len(columns)).T
