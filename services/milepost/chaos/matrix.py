@@ -80,7 +80,7 @@ def run_matrix(train_file: Path, wanted: Sequence[Cell], done: Callable[[Outcome
 
 def run_cell(stack: Stack, cell: Cell) -> Outcome:
     """Do what a cell says to a train that is well, and wait until it is well again."""
-    tracebacks, said = len(stack.tracebacks), len(stack.train.errors)
+    tracebacks, said = len(stack.tracebacks), {name: len(lines) for name, lines in stack.lines.items()}
     failures: list[str] = []
     figures = Figures()
     try:
@@ -96,7 +96,7 @@ def run_cell(stack: Stack, cell: Cell) -> Outcome:
         failures.append(str(error))
     failures += judged(cell, figures)
     failures += [f"exception: {line.strip()}" for line in stack.tracebacks[tracebacks:]]
-    log = tuple(line.rstrip() for line in stack.train.errors[said:])
+    log = tuple(line.rstrip() for name, lines in stack.lines.items() for line in lines[said.get(name, 0) :])
     return Outcome(cell.name, cell.gap_s, figures, tuple(failures), log)
 
 

@@ -19,6 +19,7 @@ from .running import RunningTrain
 from .witness import Witness
 
 FRESH_S = 0.5
+MUTE_NS = 3_000_000_000
 # routers that did not listen are looked at again after so long
 LOOK_AGAIN_S = 0.25
 
@@ -91,10 +92,22 @@ class View:
         return next(name for name in self.jobs if is_router(name) and name != self.router)
 
     @property
+    def lines(self) -> dict[str, list[str]]:
+        """What was written so far, by `up` and by each process that it did not start."""
+        logs = {path.stem: path.read_text("utf-8", "replace").splitlines() for path in sorted(self.folder.glob("*.log"))}
+        return {"up": self.train.errors.copy(), **logs}
+
+    @property
     def tracebacks(self) -> list[str]:
         """Lines of the processes' output that begin a traceback."""
-        logs = [line for path in sorted(self.folder.glob("*.log")) for line in path.read_text("utf-8", "replace").splitlines()]
-        return [line for line in (*self.train.errors, *logs) if "Traceback" in line or "panicked" in line]
+        return [line for lines in self.lines.values() for line in lines if "Traceback" in line or "panicked" in line]
+
+    @property
+    def mute(self) -> list[str]:
+        """The processes that are there, and whose health was not heard for three seconds."""
+        since_ns = time.time_ns() - MUTE_NS
+        heard = {health.unit for health in list(self.witness.health.values()) if health.published_at_ns > since_ns}
+        return [name for name in self.jobs if name in self.there and name not in heard]
 
     def pid(self, process: str) -> int:
         """The process id of a process. Raises LookupError."""
@@ -152,5 +165,5 @@ class View:
             absent = [name for name in self.jobs if not is_router(name) and name not in self.there]
             said = f"{self.state.status}, excluded {[e.unit for e in self.state.excluded]}" if self.state else "no state"
             lingering = [f"{token.unit}/{token.instance}" for token in self.witness.alive if token in self._gone]
-            rest = f"tokens of ended instances {lingering}, routers that do not listen {self._deaf_routers()}"
+            rest = f"mute {self.mute}, tokens of ended instances {lingering}, routers that do not listen {self._deaf_routers()}"
             raise NotInTime(f"{late} ({said}, absent {absent}, {rest})") from late
