@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import queue
 import time
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Sequence
 from typing import Any
 
 from milepost.nodes.base import Severity
@@ -104,7 +104,7 @@ def _answer(bus: ZenohBus, key: str, start: SimulationStart) -> Any:
 def wait_for_start(bus: ZenohBus, known: Collection[str]) -> SimulationStart | None:
     """Ask until `world` answers. Returns None when stopped meanwhile; what else came stays in the inbox.
 
-    Where several answers differ, that counts which most of the processes `known` remember.
+    Where several answers differ, or none is `world`'s, that counts which most of the processes `known` remember.
     """
     kept: list[Any] = []
     try:
@@ -133,12 +133,22 @@ def _ask_until_answered(bus: ZenohBus, known: Collection[str], kept: list[Any]) 
 
 
 def _believed(bus: ZenohBus, known: Collection[str]) -> SimulationStart | None:
-    """What `world` answers; where a stranger answers too, what those remember that started before."""
+    """What `world` answers; where a stranger answers too, or `world` does not, what those remember that started before."""
     told = [("world", start) for _, start in bus.ask(simulation_start_key(bus.train), SimulationStart, ASK_WORLD_S)]
-    if not told:
-        return None
     others = bus.ask(rpc_key(bus.train, REMEMBERED), SimulationStart, ASK_OTHERS_S)
+    if not told:
+        return _of_most(others, known)
     if len({start for _, start in told}) > 1 and not any(name in known for name, _ in others):
         log.error("several processes say, each differently, when scenario time began: end all but one `world`")
         return None
     return most_told([*told, *others], known)
+
+
+def _of_most(others: Sequence[tuple[str, SimulationStart]], known: Collection[str]) -> SimulationStart | None:
+    """What more than half of the train's processes say; None where they are fewer: then the train may just be beginning.
+
+    A router that was replaced may hand on the questions to all processes but `world`, for as long as both run.
+    """
+    best = most_told(others, known)
+    agreeing = {name for name, start in others if name in known and start == best}
+    return best if 2 * len(agreeing) > len(known) else None
