@@ -53,6 +53,30 @@ def test_a_wheels_unit_is_the_one_that_the_fixes_of_another_file_show(number: fl
     assert unit_of(said, "wheel") == (unit, f"by name, {unit} as the places show")
 
 
+@pytest.mark.parametrize(("number", "unit"), [(54.0, "km/h"), (1500.0, "cm/s"), (15.0, "m/s")])
+def test_one_number_in_five_that_stands_for_none_hides_no_unit(number: float, unit: str, tmp_path: Path, capsys) -> None:
+    """With one in thirty every other leg had one; the unit was assumed, and an honest receiver excluded."""
+    said = imported(tmp_path, capsys, fixes(tmp_path), wheel(tmp_path, number, odd=range(0, 600, 5)))
+    assert unit_of(said, "wheel") == (unit, f"by name, {unit} as the places show")
+    assert "left out of wheel_speed: 120 rows beyond 200 m/s" in said["told"]
+
+
+def test_a_wheel_whose_unit_can_only_be_another_one_is_one_line(tmp_path: Path) -> None:
+    """In m/s, as is assumed of a train that stands, all would be beyond what trains reach."""
+    still = write(tmp_path, ["timestamp,lat,lon", *(f"{BEGAN_S + a.t:.1f},{a.lat:.7f},{a.lon:.7f}" for a in ride())])
+    with pytest.raises(ConfigError, match=r"wheel\.csv: wheel_speed_mps: only 0 rows are no faster than 200 m/s in m/s"):
+        run_import([still, wheel(tmp_path, 99999.0, "wheel_speed_mps")], None, tmp_path / "out", [], ["wheel=m/s"], False, True)
+
+
+@pytest.mark.parametrize(("noise_m", "least_m"), [(0.3, 0.8), (3.0, 3.0)])
+def test_a_receivers_noise_is_no_less_than_its_fixes_show(noise_m: float, least_m: float, tmp_path: Path, capsys) -> None:
+    """Fixes with 3 m of noise were said to have 1 m: the receiver was excluded as a liar in two states of three."""
+    rows = [f"{BEGAN_S + a.t:.1f},{a.lat:.7f},{a.lon:.7f}" for a in ride(5.0, noise_m)]
+    imported(tmp_path, capsys, write(tmp_path, ["timestamp,lat,lon", *rows]))
+    std = yaml.safe_load((tmp_path / "out/train.yaml").read_text())["units"]["gnss"]["position_std_m"]["single"]
+    assert least_m <= std <= 1.5 * least_m
+
+
 def test_a_wheel_that_is_not_in_the_unit_of_its_name_is_one_line(tmp_path: Path, capsys) -> None:
     log, numbers = fixes(tmp_path), wheel(tmp_path, 54.0, "wheel_speed_mps")
     with pytest.raises(ConfigError, match="wheel: the column wheel_speed_mps is in m/s by its name, but the places show km/h"):
@@ -147,6 +171,23 @@ def test_an_inertial_unit_is_turned_as_gravity_and_the_speed_show(ahead, right, 
             at = next(at for at in range(3) if direction[at])
             assert entry["column"].startswith(f"{letter}{names[at]}_")
             assert entry.get("scale", 1.0) == direction[at]
+
+
+@pytest.mark.parametrize("askew_deg", [30.0, 45.0])
+def test_an_inertial_unit_that_is_askew_is_left_out(askew_deg: float, tmp_path: Path, capsys) -> None:
+    moving = [f"{BEGAN_S + i / 10:.1f},{speed(i / 10):.4f}" for i in range(10 * SECONDS + 1)]
+    c, s = math.cos(math.radians(askew_deg)), math.sin(math.radians(askew_deg))
+    rows = mounted((c, s, 0.0), (-s, c, 0.0), (0.0, 0.0, 1.0))
+    logs = [
+        fixes(tmp_path),
+        beside(tmp_path, "wheel.csv", "timestamp,wheel_speed_mps", moving),
+        beside(tmp_path, "imu.csv", "timestamp," + ",".join(COLUMNS), rows),
+    ]
+    (told,) = [each for each in imported(tmp_path, capsys, *logs)["told"] if "left out" in each]
+    assert (
+        told
+        == f"the inertial unit of imu.csv is left out: none of its axes points ahead: it is about {askew_deg:.0f} degrees askew"
+    )
 
 
 def test_an_inertial_unit_of_which_no_axis_follows_the_speed_is_left_out(tmp_path: Path, capsys) -> None:

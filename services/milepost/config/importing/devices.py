@@ -48,6 +48,9 @@ def device_units(
         rows = _overlapping(each, [column], (f"wheel:{column.name}",), way, show)
         possible = np.abs(rows.values[f"wheel:{column.name}"]) <= FASTEST_MPS
         rows = rows.chosen(possible, f"beyond {FASTEST_MPS:g} m/s")
+        if len(rows.t_s) < LEAST_ROWS:
+            few = f"only {len(rows.t_s)} rows are no faster than {FASTEST_MPS:g} m/s in {column.unit}"
+            raise ValueError(f"{each.log.path.name}: {column.name}: {few}: say --unit wheel=UNIT")
         told += _remarks(column.name, rows)
         units.append(_wheel(each, column, rows, way, folder, len(wheels)))
         first = first or (rows.t_s - way.span.from_s, rows.values[f"wheel:{column.name}"])

@@ -15,6 +15,7 @@ from milepost.recordings.importing.source import Recording
 # what a receiver's solutions err by from fix to fix, and slowly: the figures of the shipped trains
 FIX_STD_M = {"rtk_fixed": 0.1, "rtk_float": 0.5, "differential": 1.0, "single": 1.0}
 OFFSET_STD_M = {"differential": 0.5, "single": 1.1}
+SEEN = 1.2
 RTK_LIMIT_M, LIMIT_M = 10.0, 25.0
 WIDEST = 110
 
@@ -79,7 +80,8 @@ def _entry(field: str, entry: dict[str, Any]) -> list[str]:
 
 def gnss_options(solutions: Sequence[str], noise_m: float, rate_hz: float, stated: bool, speed: bool, alone: bool) -> list[str]:
     """The options of a receiver. `stated`: its log has accuracies; `speed`: and speeds; `alone`: no other unit is there."""
-    white = {each: round(min(max(3.0 * noise_m, 0.2), FIX_STD_M[each]), 2) for each in OFFSET_STD_M}
+    # no less than what is seen from fix to fix: else an honest receiver would be taken for a liar
+    white = {each: round(max(min(max(3.0 * noise_m, 0.2), FIX_STD_M[each]), SEEN * noise_m), 2) for each in OFFSET_STD_M}
     known = [each for each in FIX_STD_M if each in solutions]
     stds = {each: white.get(each, max(FIX_STD_M[each], round(2.0 * noise_m, 2))) for each in known}
     offsets = {each: OFFSET_STD_M[each] for each in known if each in OFFSET_STD_M}

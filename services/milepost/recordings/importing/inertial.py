@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from itertools import pairwise
 
@@ -16,6 +17,8 @@ AXES = ("forward", "right", "down")
 LEAST_GRAVITY, MOST_GRAVITY = 8.0, 11.5
 # accelerations are compared over this time; what agrees less with the speed is on another axis
 COMPARED_S, LEAST_CORRELATION, LEAST_COMPARED = 2.0, 0.3, 5
+# two axes that both follow the speed, and surely, share it; what a curve adds does not follow it as surely
+MOST_ASKEW_DEG, SURE_CORRELATION = 15.0, 0.7
 
 
 def inertial_parts(columns: Sequence[Column], rows: Rows, t_s: Array, speed_mps: Array) -> dict[str, list[Part]]:
@@ -40,6 +43,9 @@ def inertial_parts(columns: Sequence[Column], rows: Rows, t_s: Array, speed_mps:
     if agreement < LEAST_CORRELATION:
         raise ValueError(f"none of its axes follows the train's speed: correlation {agreement:.2f} at most")
     right = 3 - down - forward
+    askew_deg = math.degrees(math.atan2(abs(followed[right][0]), abs(share)))
+    if askew_deg > MOST_ASKEW_DEG and followed[right][1] >= SURE_CORRELATION:
+        raise ValueError(f"none of its axes points ahead: it is about {askew_deg:.0f} degrees askew")
     ahead, below = np.sign(share), -np.sign(felt[down])
     # the determinant of the turned axes stays 1; that of their order is 1 for forward, right, down and its rotations
     order = 1.0 if (right - forward) % 3 == 1 else -1.0

@@ -19,6 +19,8 @@ from .rows import Array
 USUAL = ("m/s", "km/h", "mph", "kn", "ft/s", "cm/s", "mm/s")
 # the way is taken in legs that are long beside the noise of fixes, so many of them, in so much of a log at most
 LEG_M, LEAST_LEGS, MOST_LEGS, MOST_ROWS = 20.0, 5, 50, 50_000
+# speeds go so far beyond the third quartile of those that are not 0
+JUNK = 5.0
 # a leg that differs so much from the usual one has a wrong number or a wrong fix in it
 ODD = 1.5
 # a knot is 15 % more than a mile an hour
@@ -104,8 +106,9 @@ def _metres_by_number(fixes: LogColumns, places: Sequence[str], each: LogColumns
     numbers = [first]
     while numbers[-1][0] < ends_s[-1] and (row := next(rows, None)) is not None:
         numbers.append(row)
-    at_s, number = np.array(numbers).T
-    number = np.abs(number)
+    at_s, number = _without_junk(np.array(numbers)).T
+    if len(at_s) < 2:
+        return math.nan
     integral = np.concatenate([[0.0], np.cumsum(0.5 * (number[1:] + number[:-1]) * np.diff(at_s))])
     known = ends_s <= at_s[-1]
     told, way_m = np.diff(np.interp(ends_s[known], at_s, integral)), way_m[known][1:]
@@ -114,7 +117,17 @@ def _metres_by_number(fixes: LogColumns, places: Sequence[str], each: LogColumns
         return math.nan
     told, way_m = told[moves], way_m[moves]
     usual = np.abs(np.log(way_m / told / np.median(way_m / told))) <= math.log(ODD)
+    if np.count_nonzero(usual) < LEAST_LEGS:
+        return math.nan
     return float(way_m[usual].sum() / told[usual].sum())
+
+
+def _without_junk(numbers: Array) -> Array:
+    """Times and numbers (n, 2), these without signs, where they are not far beyond what most are: 99999 stands for none."""
+    number = np.abs(numbers[:, 1])
+    moving = number[number > 0.0]
+    most = JUNK * float(np.percentile(moving, 75.0)) if len(moving) else 0.0
+    return np.column_stack([numbers[:, 0], number])[number <= most]
 
 
 def _legs(fixes: LogColumns, places: Sequence[str], from_s: float) -> tuple[Array, Array]:
