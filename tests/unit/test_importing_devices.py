@@ -121,6 +121,12 @@ def speed(t: float) -> float:
     return SPEED_MPS + 2.0 * math.sin(0.3 * t)
 
 
+def changing_wheel(folder: Path) -> Path:
+    """The speeds of a train that speeds up and slows down, ten times a second."""
+    rows = [f"{BEGAN_S + i / 10:.1f},{speed(i / 10):.4f}" for i in range(10 * SECONDS + 1)]
+    return beside(folder, "wheel.csv", "timestamp,wheel_speed_mps", rows)
+
+
 def mounted(ahead: Sequence[float], right: Sequence[float], down: Sequence[float]) -> list[str]:
     """The rows of a unit that feels forward, right and down along these directions of its own x, y and z."""
     rows = []
@@ -153,13 +159,10 @@ def mounted(ahead: Sequence[float], right: Sequence[float], down: Sequence[float
 )  # fmt: skip
 def test_an_inertial_unit_is_turned_as_gravity_and_the_speed_show(ahead, right, down, told, tmp_path: Path, capsys) -> None:
     """Forward and down are found; that the third follows is seen by the force of the curve, -0.28 m/s² to the right."""
-    moving = [f"{BEGAN_S + i / 10:.1f},{speed(i / 10):.4f}" for i in range(10 * SECONDS + 1)]
     logs = [
         fixes(tmp_path),
-        beside(tmp_path, "wheel.csv", "timestamp,wheel_speed_mps", moving),
-        beside(
-            tmp_path, "imu.csv", "timestamp,ax_mps2,ay_mps2,az_mps2,gx_radps,gy_radps,gz_radps", mounted(ahead, right, down)
-        ),
+        changing_wheel(tmp_path),
+        beside(tmp_path, "imu.csv", ",".join(["timestamp", *COLUMNS]), mounted(ahead, right, down)),
     ]
     said = imported(tmp_path, capsys, *logs)
     sentences = [each.partition(" is turned: ")[2] for each in said["told"] if "is turned" in each]
@@ -175,27 +178,23 @@ def test_an_inertial_unit_is_turned_as_gravity_and_the_speed_show(ahead, right, 
 
 @pytest.mark.parametrize("askew_deg", [30.0, 45.0])
 def test_an_inertial_unit_that_is_askew_is_left_out(askew_deg: float, tmp_path: Path, capsys) -> None:
-    moving = [f"{BEGAN_S + i / 10:.1f},{speed(i / 10):.4f}" for i in range(10 * SECONDS + 1)]
     c, s = math.cos(math.radians(askew_deg)), math.sin(math.radians(askew_deg))
     rows = mounted((c, s, 0.0), (-s, c, 0.0), (0.0, 0.0, 1.0))
     logs = [
         fixes(tmp_path),
-        beside(tmp_path, "wheel.csv", "timestamp,wheel_speed_mps", moving),
-        beside(tmp_path, "imu.csv", "timestamp," + ",".join(COLUMNS), rows),
+        changing_wheel(tmp_path),
+        beside(tmp_path, "imu.csv", ",".join(["timestamp", *COLUMNS]), rows),
     ]
     (told,) = [each for each in imported(tmp_path, capsys, *logs)["told"] if "left out" in each]
-    assert (
-        told
-        == f"the inertial unit of imu.csv is left out: none of its axes points ahead: it is about {askew_deg:.0f} degrees askew"
-    )
+    why = f"none of its axes points ahead: it is about {askew_deg:.0f} degrees askew"
+    assert told == f"the inertial unit of imu.csv is left out: {why}"
 
 
 def test_an_inertial_unit_of_which_no_axis_follows_the_speed_is_left_out(tmp_path: Path, capsys) -> None:
-    moving = [f"{BEGAN_S + i / 10:.1f},{speed(i / 10):.4f}" for i in range(10 * SECONDS + 1)]
     still = [f"{BEGAN_S + i / 20:.2f},{0.1 * (i % 3)},{0.1 * (i % 5)},-9.81" for i in range(20 * SECONDS)]
     logs = [
         fixes(tmp_path),
-        beside(tmp_path, "wheel.csv", "timestamp,wheel_speed_mps", moving),
+        changing_wheel(tmp_path),
         beside(tmp_path, "imu.csv", "timestamp,ax_mps2,ay_mps2,az_mps2", still),
     ]
     (told,) = [each for each in imported(tmp_path, capsys, *logs)["told"] if "left out" in each]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import queue
 import threading
-import time
 from collections.abc import Iterator
 from contextlib import ExitStack
 
@@ -69,7 +68,6 @@ def test_less_than_most_of_the_train_are_not_believed_before_world_speaks(names:
 def test_what_world_says_counts_at_once_where_nobody_else_knows(buses: tuple[ZenohBus, ZenohBus]) -> None:
     asks, answers = buses
     asker = Asker(asks)
-    time.sleep(0.3)
     announced = scenario_time.announce(answers, START)
     assert asker.told(10.0) == START
     announced.undeclare()

@@ -135,14 +135,19 @@ def test_of_several_that_wait_the_least_stays_whichever_came_first():
     assert states[0] == states[1]
 
 
-def test_what_an_interruption_kept_back_is_soon_in_the_live_state():
-    """GIVEN readings of two seconds that come at once WHEN they have come THEN a second later they count; no state waits."""
-    kernel = Counted()
+def after_three_seconds() -> tuple[Counted, Timeline, int]:
+    """A timeline that has heard unit a a hundred times a second, its kernel, and the time of its live state."""
+    kernel, now_ns = Counted(), T0 + 3 * NS_PER_S
     timeline = Timeline(kernel, (), SECOND)
     for i in range(300):
         timeline.insert(speed(0.01 * i, i, unit="a"), T0 + round(0.01 * i * NS_PER_S))
-    now_ns = T0 + 3 * NS_PER_S
     timeline.live_at(now_ns, 8)
+    return kernel, timeline, now_ns
+
+
+def test_what_an_interruption_kept_back_is_soon_in_the_live_state():
+    """GIVEN readings of two seconds that come at once WHEN they have come THEN a second later they count; no state waits."""
+    kernel, timeline, now_ns = after_three_seconds()
     for i in range(100, 300):
         timeline.insert(speed(0.01 * i + 0.005, i, unit="b", order=1), now_ns)
     counts, work = [], []
@@ -161,12 +166,7 @@ def test_what_an_interruption_kept_back_costs_no_more_where_it_comes_bit_by_bit(
 
     For each that came while others were taken in, the next state computed two beliefs more: 0.1 s at once.
     """
-    kernel = Counted()
-    timeline = Timeline(kernel, (), SECOND)
-    for i in range(300):
-        timeline.insert(speed(0.01 * i, i, unit="a"), T0 + round(0.01 * i * NS_PER_S))
-    now_ns = T0 + 3 * NS_PER_S
-    timeline.live_at(now_ns, 8)
+    kernel, timeline, now_ns = after_three_seconds()
     counts, work = [], []
     for epoch in range(75):
         now_ns += 20_000_000

@@ -20,6 +20,7 @@ from .cells import Cell, cells
 from .figures import Figures
 from .news import NotInTime
 from .stack import NORMAL_S, Stack
+from .view import begins_traceback
 
 # the train `full` spins a wheel 75 s after its start, and cells on it would not be like those before
 TRAIN_S = 65.0
@@ -80,7 +81,7 @@ def run_matrix(train_file: Path, wanted: Sequence[Cell], done: Callable[[Outcome
 
 def run_cell(stack: Stack, cell: Cell) -> Outcome:
     """Do what a cell says to a train that is well, and wait until it is well again."""
-    tracebacks, said = len(stack.tracebacks), {name: len(lines) for name, lines in stack.lines.items()}
+    said = {name: len(lines) for name, lines in stack.lines.items()}
     failures: list[str] = []
     figures = Figures()
     try:
@@ -95,8 +96,8 @@ def run_cell(stack: Stack, cell: Cell) -> Outcome:
     except (NotInTime, AssertionError, LookupError, OSError, psutil.Error) as error:
         failures.append(str(error))
     failures += judged(cell, figures)
-    failures += [f"exception: {line.strip()}" for line in stack.tracebacks[tracebacks:]]
     log = tuple(line.rstrip() for name, lines in stack.lines.items() for line in lines[said.get(name, 0) :])
+    failures += [f"exception: {line.strip()}" for line in log if begins_traceback(line)]
     return Outcome(cell.name, cell.gap_s, figures, tuple(failures), log)
 
 

@@ -24,6 +24,11 @@ MUTE_NS = 3_000_000_000
 LOOK_AGAIN_S = 0.25
 
 
+def begins_traceback(line: str) -> bool:
+    """Whether a line of a process's output begins the traceback of an exception, in Python or in Zenoh."""
+    return "Traceback" in line or "panicked" in line
+
+
 class View:
     """A running train as seen from outside; `jobs` are all its processes, routers first."""
 
@@ -100,7 +105,7 @@ class View:
     @property
     def tracebacks(self) -> list[str]:
         """Lines of the processes' output that begin a traceback."""
-        return [line for lines in self.lines.values() for line in lines if "Traceback" in line or "panicked" in line]
+        return [line for lines in self.lines.values() for line in lines if begins_traceback(line)]
 
     @property
     def mute(self) -> list[str]:
@@ -133,17 +138,24 @@ class View:
         wanted = {name for name in self.jobs if not is_router(name)}
         fresh = (time.time_ns() - at_ns) * 1e-9 < FRESH_S
         well = fresh and state.status == "normal" and not state.excluded and wanted <= self.there
-        return well and time.monotonic() >= self._look_again and not self._deaf_routers()
+        return well and self._routers_listen()
+
+    def _routers_listen(self) -> bool:
+        """Whether all routers listen; where one does not, no for a moment without another look.
+
+        All processes and their sockets are looked through: for each message that would take a fifth of a processor.
+        """
+        if time.monotonic() < self._look_again:
+            return False
+        if deaf := self._deaf_routers():
+            self._look_again = time.monotonic() + LOOK_AGAIN_S
+        return not deaf
 
     def _deaf_routers(self) -> dict[str, str]:
         """The routers that do not listen where they should, and what is seen instead."""
         routers = [name for name in self.jobs if is_router(name)]
         found = {name: self._deaf(name, endpoint) for name, endpoint in zip(routers, self.endpoints, strict=True)}
-        deaf = {name: why for name, why in found.items() if why}
-        if deaf:
-            # all processes and their sockets are looked through: for each message that would take a third of a processor
-            self._look_again = time.monotonic() + LOOK_AGAIN_S
-        return deaf
+        return {name: why for name, why in found.items() if why}
 
     def _deaf(self, router: str, endpoint: str) -> str:
         port = int(endpoint.rpartition(":")[2])

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -129,17 +130,22 @@ def _with_own_clock(found: list[LogColumns], alone: list[LogColumns]) -> tuple[l
 
 
 def _columns(log: LogFile, told: Said) -> list[Column]:
-    try:
+    with _mistakes_of(log):
         return known_columns(log, told)
-    except ValueError as error:
-        raise ConfigError(log.path, "", str(error)) from error
 
 
 def _shown_by(fixes: LogColumns, each: LogColumns, told: Said) -> LogColumns:
-    try:
+    with _mistakes_of(each.log):
         return LogColumns(each.log, shown_by(fixes, each, told))
+
+
+@contextmanager
+def _mistakes_of(log: LogFile) -> Iterator[None]:
+    """What is wrong with a log, as ConfigError that names it."""
+    try:
+        yield
     except ValueError as error:
-        raise ConfigError(each.log.path, "", str(error)) from error
+        raise ConfigError(log.path, "", str(error)) from error
 
 
 def _rows(each: LogColumns) -> float:
