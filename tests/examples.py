@@ -30,6 +30,8 @@ from milepost_schemas import (
     FusedState,
     Gaussian,
     Health,
+    Hypotheses,
+    Hypothesis,
     InertialReading,
     LinearObservation,
     Message,
@@ -167,6 +169,22 @@ EXAMPLES: dict[str, tuple[Message, ...]] = {
         ),
     ),
     "candidate": (),
+    "hypotheses": (
+        Hypotheses(
+            **head("fuser"),
+            epoch=85_000_000_000,
+            hypotheses=[
+                Hypothesis(
+                    without=["radar", "motion-model"],
+                    judgement="leads",
+                    position_m=1234.5,
+                    position_std_m=0.25,
+                    speed_mps=20.5,
+                    speed_std_mps=0.05,
+                )
+            ],
+        ),
+    ),
     "position_report": (
         PositionReport(
             **head("etcs"),

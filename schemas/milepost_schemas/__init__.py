@@ -6,6 +6,7 @@ from .estimate import AbsoluteFix, Estimate, Feedback, JudgedReading, LinearObse
 from .event_codes import EVENT_CODES, EventCode
 from .fault import FaultCommand
 from .health import Event, Health, Spread
+from .hypotheses import Hypotheses, Hypothesis
 from .message import COMMON_STATES, Gaussian, Message, Part
 from .position_report import PositionReport
 from .reading import BaliseTelegram, InertialReading, PositionReading, SpeedReading
@@ -31,6 +32,8 @@ __all__ = [
     "FusedState",
     "Gaussian",
     "Health",
+    "Hypotheses",
+    "Hypothesis",
     "InertialReading",
     "JudgedReading",
     "LinearObservation",

@@ -88,6 +88,18 @@ MEANINGS: dict[str, dict[str, str]] = {
         "speed_min_mps": f"lower {_INTERVAL} speed, in m/s",
         "speed_max_mps": f"upper {_INTERVAL} speed, in m/s",
     },
+    "Hypothesis": {
+        "without": "the units that lie by this hypothesis; `motion-model`: the train moves harder than its file says",
+        "judgement": "leads: it is what is published; held: its interval is part of the published one; unlikely; refuted",
+        "position_m": "chainage in m of the train's reference point by this hypothesis",
+        "position_std_m": "its standard deviation in m",
+        "speed_mps": "speed along the track in m/s by this hypothesis, negative backwards",
+        "speed_std_mps": "its standard deviation in m/s",
+    },
+    "Hypotheses": {
+        "epoch": "number of the epoch: `measured_at_ns` over the period",
+        "hypotheses": "those by which the fewest units lie come first",
+    },
     "Candidate": {
         "state": "the state that this fuser would publish",
         "feedback": "the feedback that it would publish, where one is due",

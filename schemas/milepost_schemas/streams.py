@@ -13,6 +13,7 @@ from .candidate import Candidate
 from .estimate import AbsoluteFix, Estimate, Feedback
 from .fault import FaultCommand
 from .health import Event, Health
+from .hypotheses import Hypotheses
 from .message import Message
 from .position_report import PositionReport
 from .reading import BaliseTelegram, InertialReading, PositionReading, SpeedReading
@@ -86,6 +87,9 @@ STREAMS: tuple[Stream, ...] = (
         recorded=False,
     ),
     Stream("state", "state", FusedState, "epoch", "real_time", 50, "the product, for dispatch tools"),
+    Stream(
+        "hypotheses", "hypotheses/{unit}", Hypotheses, "second", "data", 0, "which units may lie, and where the train then is"
+    ),
     Stream("position_report", "position_report", PositionReport, "event", "data", 0, "packet 0 of ERTMS/ETCS", SMALL),
     Stream("event", "event", Event, "event", "data", 50, "what a person should read"),
     Stream("health", "health/{unit}", Health, "second", "background", 0, "how a process is doing"),

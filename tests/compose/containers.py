@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -14,6 +13,8 @@ import pytest
 import yaml
 import zenoh
 from engine import ROOT, run
+
+from milepost.chaos.news import News, NotInTime
 
 COMPOSE_FILE = ROOT / "compose.yaml"
 SERVICES = sorted(yaml.safe_load(COMPOSE_FILE.read_text(encoding="utf-8"))["services"])
@@ -35,31 +36,31 @@ class Listener:
     # process, time of receipt and whether it came or went
     tokens: list[tuple[str, float, bool]] = field(default_factory=list)
     encodings: set[str] = field(default_factory=set)
-    news: threading.Condition = field(default_factory=threading.Condition)
+    newest_truth_ns: int = 0
+    news: News = field(default_factory=News)
 
     def on_state(self, sample: Any) -> None:
-        with self.news:
-            self.states.append((time.monotonic(), msgpack.unpackb(sample.payload.to_bytes())))
-            self.encodings.add(str(sample.encoding))
-            self.news.notify_all()
+        self.states.append((time.monotonic(), msgpack.unpackb(sample.payload.to_bytes())))
+        self.encodings.add(str(sample.encoding))
+        self.news.heard()
 
     def on_truth(self, sample: Any) -> None:
         truth = msgpack.unpackb(sample.payload.to_bytes())
-        with self.news:
-            self.truths[truth["measured_at_ns"]] = truth
-            self.news.notify_all()
+        self.truths[truth["measured_at_ns"]] = truth
+        self.newest_truth_ns = max(self.newest_truth_ns, truth["measured_at_ns"])
+        self.news.heard()
 
     def on_token(self, sample: Any) -> None:
         process = str(sample.key_expr).split("/")[-2]
-        with self.news:
-            self.tokens.append((process, time.monotonic(), sample.kind == zenoh.SampleKind.PUT))
-            self.news.notify_all()
+        self.tokens.append((process, time.monotonic(), sample.kind == zenoh.SampleKind.PUT))
+        self.news.heard()
 
     def wait(self, condition: Callable[[], bool], within_s: float, what: str) -> None:
-        with self.news:
-            if not self.news.wait_for(condition, within_s):
-                last = self.states[-1] if self.states else None
-                pytest.fail(f"not within {within_s:g} s: {what}. Last of {len(self.states)} states: {last}")
+        try:
+            self.news.wait_for(condition, within_s, what)
+        except NotInTime as late:
+            last = self.states[-1] if self.states else None
+            pytest.fail(f"{late}. Last of {len(self.states)} states: {last}")
 
     def wait_for_state(self, condition: Callable[[State], bool], within_s: float, what: str, first: int | None = None) -> int:
         """The index of the first state that meets a condition, from index `first` on, or from now on."""
@@ -82,7 +83,7 @@ class Listener:
         within_s = epochs * EPOCH_NS * 1e-9 + 10.0
         last = self.wait_for_state(lambda state: state["epoch"] >= end, within_s, "the end of the window", first)
         end_ns = self.states[last][1]["measured_at_ns"]
-        self.wait(lambda: max(self.truths, default=0) >= end_ns, 5.0, "the truth for the last state")
+        self.wait(lambda: self.newest_truth_ns >= end_ns, 5.0, "the truth for the last state")
         return self.states[first : last + 1]
 
 

@@ -19,7 +19,7 @@ from milepost.page.overview import FLEET
 from milepost.page.rows import Sent
 from milepost.page.viewer import Viewer
 from milepost.page.words import STATUSES, age, figure, meaning_of
-from milepost_schemas import Event, FusedState, Health, Truth, encode
+from milepost_schemas import Event, FusedState, Health, Hypotheses, Truth, encode
 from milepost_schemas.state import Status
 
 NOW = T0 + 20_000_000
@@ -127,6 +127,41 @@ def test_units_that_contradict_each_other_are_doubted() -> None:
     shown = rows(heard(state(doubted=["radar", "loop"])), TRAIN)
     assert (shown["unit/radar"]["judgement"], shown["unit/radar"]["detail"]) == ("doubted", "contradicts loop")
     assert shown["head"]["doubted"] == "radar and loop contradict each other"
+
+
+def hypotheses(*found: dict[str, Any], **changed: Any) -> Hypotheses:
+    whole = [{"position_std_m": 0.25, "speed_std_mps": 0.1, **each} for each in found]
+    return Hypotheses.model_validate({**head("fuser"), "epoch": 100, "hypotheses": whole, **changed})
+
+
+def test_each_hypothesis_is_a_question_and_how_far_off_the_train_then_is() -> None:
+    told = hypotheses(
+        {"without": [], "judgement": "refuted", "position_m": 1236.5, "speed_mps": 21.0},
+        {"without": ["radar"], "judgement": "leads", "position_m": 1234.5, "speed_mps": 20.0},
+        {"without": ["loop", "radar"], "judgement": "held", "position_m": 1234.0, "speed_mps": 20.0},
+        {"without": ["motion-model", "radar"], "judgement": "unlikely", "position_m": 1234.5, "speed_mps": 19.0},
+    )
+    shown = rows(heard(state(), told), TRAIN)
+    assert [list(shown[f"hypothesis/{place:03}"].values()) for place in range(4)] == [
+        ["nobody lies", "refuted", "bad", "+2.00 ± 0.25\u00a0m", "+3.6 ± 0.4\u00a0km/h"],
+        ["radar lies", "published", "ok", "0.00 ± 0.25\u00a0m", "0.0 ± 0.4\u00a0km/h"],
+        ["loop and radar lie", "possible", "info", "-0.50 ± 0.25\u00a0m", "0.0 ± 0.4\u00a0km/h"],
+        [
+            "radar lies, and the train moves harder than its file says",
+            "unlikely",
+            "idle",
+            "0.00 ± 0.25\u00a0m",
+            "-3.6 ± 0.4\u00a0km/h",
+        ],
+    ]
+
+
+def test_hypotheses_that_are_not_of_the_states_time_are_not_shown() -> None:
+    one = {"without": [], "judgement": "leads", "position_m": 1234.5, "speed_mps": 20.0}
+    old = hypotheses(one, measured_at_ns=head()["measured_at_ns"] - 4 * NS_PER_S)
+    assert not any(name.startswith("hypothesis/") for name in rows(heard(state(), old), TRAIN))
+    silent = rows(heard(state(), hypotheses(one)), TRAIN, NOW + 2 * NS_PER_S)
+    assert not any(name.startswith("hypothesis/") for name in silent)
 
 
 def test_a_rate_is_that_of_the_units_readings_beside_the_expected_one_where_it_is_slow() -> None:

@@ -32,7 +32,7 @@ def test_the_default_trains_rates_are_those_of_its_units_and_epochs() -> None:
     assert found["filter-gnss"] == pytest.approx({"position_reading": 5.0, "estimate": 5.0})
     assert found["filter-imu"] == pytest.approx({"inertial_reading": 20.0, "estimate": 20.0})
     # two radars and the inertial unit at 20 Hz, the receiver at 5; wheels and loop speak as pulses come
-    assert found["fuser"] == pytest.approx({"estimate": 65.0, "state": 50.0, "feedback": 50.0})
+    assert found["fuser"] == pytest.approx({"estimate": 65.0, "state": 50.0, "feedback": 50.0, "hypotheses": 1.0})
     assert found["world"] == pytest.approx({"truth": 50.0})
 
 

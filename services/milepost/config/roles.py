@@ -176,7 +176,8 @@ def _votes(train: Train) -> bool:
 
 
 def _fused(train: Train, unit: str) -> tuple[str, ...]:  # noqa: ARG001
-    return ("candidate",) if _votes(train) else ("state", "feedback")
+    told = ("hypotheses",) if train.file.fusion.rule == "information" else ()
+    return (("candidate",) if _votes(train) else ("state", "feedback")) + told
 
 
 def _always(*streams: str) -> Callable[[Train, str], tuple[str, ...]]:

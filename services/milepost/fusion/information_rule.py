@@ -83,7 +83,7 @@ class InformationFusion:
         if bank is None or bank.since_ns is None:
             return None
         mean, covariance = self.estimator.kernel.lists(bank)
-        return Fused(mean, covariance, bank.verdicts, bank.since_ns, protected(bank), bank.doubted, bank.reset)
+        return Fused(mean, covariance, bank.verdicts, bank.since_ns, protected(bank), bank.doubted, bank.reset, bank)
 
     def advance_to(self, now_ns: int) -> None:
         """Fold settled observations into the base."""

@@ -9,6 +9,7 @@ from milepost.estimation.kept import Counters, Kept
 from milepost.estimation.layout import Array
 from milepost.estimation.observation import Observation
 
+from .bank_state import Bank
 from .hypotheses import Doubts
 from .readings import Judge
 from .verdicts import Reset, Verdict
@@ -30,7 +31,8 @@ class Fused(NamedTuple):
     """A fused mean and covariance, the last verdicts by unit, and the time of the first fused state.
 
     `bounds` (min, max) of position and speed over all hypotheses; None where the rule has none. `doubted`: the units of which
-    one lies, and nothing tells which. `reset`: the last step by more than the state's own uncertainty.
+    one lies, and nothing tells which. `reset`: the last step by more than the state's own uncertainty. `bank`: the hypotheses
+    that it was made from, where the rule has any.
     """
 
     mean: list[float]
@@ -40,6 +42,7 @@ class Fused(NamedTuple):
     bounds: tuple[tuple[float, float], tuple[float, float]] | None = None
     doubted: tuple[str, ...] = ()
     reset: Reset | None = None
+    bank: Bank | None = None
 
     @property
     def speed_mps(self) -> float:

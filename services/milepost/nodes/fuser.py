@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from milepost.estimation.observation import FUTURE_NS, UNTIMELY, Observation
+from milepost.estimation.time_units import NS_PER_S
 from milepost.fusion.information_rule import InformationFusion
 from milepost.fusion.rule import Fused, LocalBelief
 from milepost.fusion.rules import RULES
@@ -22,6 +23,7 @@ from .judgements import note_judgements
 from .observations import of_estimate, of_fix, whole_readings
 from .roster import UNKNOWN, Presence, Roster
 from .telling.decisions import Decisions, only_decided
+from .telling.hypotheses import hypotheses
 from .telling.state_writer import StateWriter
 
 INTERVAL = ("position_min_m", "position_max_m", "speed_min_mps", "speed_max_mps")
@@ -226,6 +228,9 @@ class FuserNode(Node):
             interval = {name: getattr(state, name) for name in INTERVAL}
             self._feedback = Feedback(**head, fused=body, shares=dict(presence.shares), **interval)
             yield Output("feedback", "", self._feedback)
+        if fused.bank is not None and epoch_ns % NS_PER_S < self._settings.period_ns:
+            head = self.head("hypotheses", epoch_ns, now_ns)
+            yield Output("hypotheses", self.unit, hypotheses(head, state.epoch, fused.bank))
 
     def settled_states(self, now_ns: int | None) -> Iterator[FusedState]:
         """The states of the epochs that no message can change any more; with None, of all that are left.

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from typing import NamedTuple, TypeVar
 
 from milepost.feeds.fleet import FORGET_NS, MOST_PROCESSES, MOST_TRAINS, NS_PER_S, SAME_RUN_NS
-from milepost_schemas import Event, FusedState, Health, Message, Refused, Truth, decode
+from milepost_schemas import Event, FusedState, Health, Hypotheses, Message, Refused, Truth, decode
 
 # a state that is older is not the train's place any more
 SILENT_NS = NS_PER_S
@@ -55,6 +55,7 @@ class TrainHeard:
     state: FusedState | None = None
     state_ns: int = 0
     truth: Truth | None = None
+    hypotheses: Hypotheses | None = None
     healths: dict[str, Health] = field(default_factory=dict)
     tokens: set[tuple[str, str]] = field(default_factory=set)
     had_tokens: bool = False
@@ -99,8 +100,8 @@ class TrainHeard:
 
     def refresh(self) -> None:
         """Decode what has come since."""
-        truth = self._decoded(self.raw.pop("truth", None), Truth)
-        self.truth = truth or self.truth
+        self.truth = self._decoded(self.raw.pop("truth", None), Truth) or self.truth
+        self.hypotheses = self._decoded(self.raw.pop("hypotheses", None), Hypotheses) or self.hypotheses
         raw = self.raw.pop("state", None)
         state = self._decoded(raw, FusedState)
         if state is not None and raw is not None:

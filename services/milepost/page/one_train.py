@@ -8,11 +8,12 @@ from milepost.feeds.fleet import NS_PER_S
 from milepost_schemas import FusedState, Health, Truth
 
 from .heard import Told, TrainHeard
+from .possible import possible
 from .rows import Fields, Rows
 from .words import DIRECTIONS, NBSP, SEVERITIES, STATUSES, UNKNOWN, Level, age, figure, kind_word, kmh, meaning_of
 
-# rows of the train, of a sensor and of an event
-HEAD, UNIT, EVENT = "head", "unit/", "event/"
+# rows of the train, of a sensor, of a hypothesis and of an event
+HEAD, UNIT, HYPOTHESIS, EVENT = "head", "unit/", "hypothesis/", "event/"
 # a stream with less than this share of its expected rate is slow
 SLOW = 0.8
 # truth is carried over to a state that is at most so far from it
@@ -28,6 +29,7 @@ def one_train(train: TrainHeard, now_ns: int) -> Rows:
     rows: Rows = {HEAD: _head(train, now_ns)}
     state = train.current(now_ns)
     rows |= {f"{UNIT}{fields['unit']}": fields for fields in _units(train.state, state is not None, train.healths)}
+    rows |= {f"{HYPOTHESIS}{place:03}": fields for place, fields in enumerate(possible(train.hypotheses, state))}
     return rows | {f"{EVENT}{told.number}": _event(told) for told in train.all_events()}
 
 

@@ -14,14 +14,13 @@ from milepost.track.line import Line
 from milepost_schemas import AbsoluteFix, FusedState
 from milepost_schemas.state import Status
 
+from .limits import FARTHEST_M, FASTEST_MPS, within
+
 # of 95 % of a normal distribution
 ACCURACY_SIGMAS = 1.96
 INITIALISING_NS = 1_000_000_000
 STANDSTILL_MPS = 0.05
 KEPT_FIXES = 512
-# the limits of the message; an estimate beyond them is reported as `lost`
-FARTHEST_M = 1e7
-FASTEST_MPS = 200.0
 # a balise that was passed: when, its name, position and location accuracy
 Passed = tuple[int, str, float, float]
 
@@ -63,9 +62,9 @@ class StateWriter:
         last, reset = self._last_fix(at_ns, fused), fused.reset
         if reset is not None and not at_ns - self._period_ns < reset.at_ns <= at_ns:
             reset = None  # an earlier epoch has announced it
+        # an estimate beyond the message's limits is reported as `lost`
         inside = abs(s) < FARTHEST_M and abs(v) < FASTEST_MPS
-        if not inside:
-            s, v = min(max(s, -FARTHEST_M), FARTHEST_M), min(max(v, -FASTEST_MPS), FASTEST_MPS)
+        s, v = within(s, FARTHEST_M), within(v, FASTEST_MPS)
         accuracy_m = line.map_accuracy_m + (last[3] if last else self._worst_accuracy_m)
         if fused.bounds is not None and inside:
             (low, high), (slow, fast) = fused.bounds

@@ -1,4 +1,4 @@
-// One train: texts by their fields, tables of sensors and events, and the drawings.
+// One train: texts by their fields, tables of sensors, hypotheses and events, and the drawings.
 import { copyOf, follow, setStatus } from "./live.js";
 import { Plan } from "./plan.js";
 import { Schematic } from "./schematic.js";
@@ -14,6 +14,9 @@ const lineNote = document.getElementById("line-note");
 const planNote = document.getElementById("plan-note");
 const units = document.getElementById("units");
 const events = document.getElementById("events");
+const hypotheses = document.getElementById("hypotheses");
+const hypothesesTable = document.getElementById("hypotheses-table");
+const noHypotheses = document.getElementById("no-hypotheses");
 const noEvents = document.getElementById("no-events");
 const whole = new Schematic(document.getElementById("whole"), true);
 const near = new Schematic(document.getElementById("near"), false);
@@ -75,6 +78,20 @@ function showUnit(node, fields) {
   }
 }
 
+// the server numbers them in the order in which they are shown
+function hypothesisRow() {
+  const node = copyOf("hypothesis-template");
+  hypotheses.append(node);
+  return node;
+}
+
+function showHypothesis(node, fields) {
+  for (const field of ["if", "position", "speed"]) {
+    if (fields[field] !== undefined) node.querySelector(`[data-field=${field}]`).textContent = fields[field];
+  }
+  if (fields.level !== undefined || fields.word !== undefined) setStatus(node.querySelector(".status"), fields.level, fields.word);
+}
+
 function eventRow(fields) {
   const node = copyOf("event-template");
   const at = new Date(fields.at_ms);
@@ -100,6 +117,9 @@ function show(frame) {
     } else if (name.startsWith("unit/")) {
       if (!rows.has(name)) rows.set(name, unitRow(name.slice(5)));
       showUnit(rows.get(name), fields);
+    } else if (name.startsWith("hypothesis/")) {
+      if (!rows.has(name)) rows.set(name, hypothesisRow());
+      showHypothesis(rows.get(name), fields);
     } else if (!rows.has(name)) {
       rows.set(name, eventRow(fields));
     }
@@ -108,6 +128,8 @@ function show(frame) {
     rows.get(name)?.remove();
     rows.delete(name);
   }
+  noHypotheses.hidden = hypotheses.childElementCount > 0;
+  hypothesesTable.hidden = !noHypotheses.hidden;
   noEvents.hidden = events.childElementCount > 0;
   if (frame.points) speeds.add(frame.points, frame.again);
 }

@@ -21,7 +21,7 @@ from milepost.runtime.listening import taking
 from milepost.runtime.stop_signals import StopSignals
 from milepost_schemas import BY_NAME
 
-STREAMS = ("state", "truth", "health", "event")
+STREAMS = ("state", "hypotheses", "truth", "health", "event")
 FORGET_EVERY_S = 10.0
 # how long the router takes to say that somebody listens
 MATCH_S = 1.0
