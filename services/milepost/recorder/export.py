@@ -15,6 +15,7 @@ from .columns import RECEIVED
 from .incoming import Incoming
 from .reading import McapReader
 from .rows import row_of
+from .window import ALL, Window
 
 PROGRESS_EVERY = 500
 
@@ -75,11 +76,11 @@ def _foxglove(path: Path, files: Sequence[Path]) -> Output:
     return FoxgloveFile(path)
 
 
-def export(files: Sequence[Path], writers: Sequence[Output], progress: Callable[[int], None]) -> Exported:
-    """Write all messages. Raises ConfigError, OSError."""
+def export(files: Sequence[Path], writers: Sequence[Output], progress: Callable[[int], None], window: Window = ALL) -> Exported:
+    """Write all messages of a window. Raises ConfigError, OSError."""
     done, before = Exported(), 0
     for path in files:
-        reader = McapReader(path)
+        reader = McapReader(path, window)
         for number, incoming in enumerate(reader.messages()):
             _one(incoming, writers, done)
             if number % PROGRESS_EVERY == 0:

@@ -25,6 +25,7 @@ from .file import ENCODING
 from .incoming import Incoming
 from .records import MAGIC, Span, index_of, spans
 from .rows import MSGPACK
+from .window import ALL, Window
 
 SUFFIX = ".mcap"
 # as `Recorder` names its files: the train, when it was begun, a number
@@ -58,13 +59,14 @@ def following(files: Iterable[Path]) -> list[list[Path]]:
 
 @dataclass
 class McapReader:
-    """Reads one file in the order in which it was written.
+    """Reads one file, or a `window` of it, in the order in which it was written.
 
     `whole`: it has its end and index; known after all has been read. `damaged`: what of it could not be read. `metadata` has
     what the recorder wrote about the recording, as far as it has been read.
     """
 
     path: Path
+    window: Window = ALL
     whole: bool = False
     damaged: list[str] = field(default_factory=list)
     metadata: dict[str, dict[str, str]] = field(default_factory=dict)
@@ -139,6 +141,9 @@ class McapReader:
         chunk = Chunk.read(ReadDataStream(BytesIO(body)))
         if max(chunk.uncompressed_size, _promised(chunk)) > MOST_CHUNK_BYTES:
             raise ValueError(f"a chunk of {chunk.uncompressed_size} bytes")
+        # without an index its keys may be those of later messages
+        if self.whole and self.window.misses(chunk.message_start_time, chunk.message_end_time):
+            return
         for record in breakup_chunk(chunk, validate_crc=True):
             yield from self._take(record)
 
@@ -160,7 +165,7 @@ class McapReader:
             self._schemas[record.id] = record
         elif isinstance(record, Channel):
             self._channels[record.id] = record
-        elif isinstance(record, Message):
+        elif isinstance(record, Message) and self.window.holds(record.log_time):
             channel = self._channels.get(record.channel_id)
             if channel is None:
                 if record.channel_id not in self._unknown:

@@ -14,6 +14,14 @@ from ..options import DEFAULT_TRAIN, ConnectOption, JsonOption, TrainOption, Zen
 
 RecordingArgument = Annotated[Path, typer.Argument(metavar="RECORDING", help="MCAP file, or a folder of them.")]
 
+SinceOption = Annotated[
+    str | None,
+    typer.Option(
+        "--since", metavar="TIME", help="Begin there: UTC as in 2026-11-28T12:15:00, or seconds after the first message."
+    ),
+]
+UntilOption = Annotated[str | None, typer.Option("--until", metavar="TIME", help="End before it, said in the same way.")]
+
 
 def rerun(
     readings: Annotated[
@@ -57,11 +65,13 @@ def export(
     foxglove: Annotated[
         Path | None, typer.Option("--foxglove", help="MCAP file with JSON messages, and the place on a map, for Foxglove.")
     ] = None,
+    since: SinceOption = None,
+    until: UntilOption = None,
 ) -> None:
     """Write a recording in other formats."""
     from .describe import run_export
 
-    raise typer.Exit(run_export(recording, csv, parquet, foxglove))
+    raise typer.Exit(run_export(recording, csv, parquet, foxglove, since, until))
 
 
 def replay(
@@ -69,10 +79,12 @@ def replay(
     speed: Annotated[
         float, typer.Option("--speed", min=0.01, max=1000.0, help="Recorded seconds per second of real time.")
     ] = 1.0,
+    since: SinceOption = None,
+    until: UntilOption = None,
     connect: ConnectOption = [DEFAULT_ENDPOINT],  # noqa: B006
     zenoh_config: ZenohConfigOption = None,
 ) -> None:
     """Send a recording again on its keys, byte for byte, at its pace; refused where its train is running."""
     from .replay import run_replay
 
-    raise typer.Exit(run_replay(recording, speed, zenoh_config or connect))
+    raise typer.Exit(run_replay(recording, speed, zenoh_config or connect, since, until))

@@ -76,8 +76,15 @@ def _gaps(sender: dict[str, Any]) -> str:
     return text + (f"; {sender['repeated']} came again" if sender["repeated"] else "")
 
 
-def run_export(recording: Path, csv: Path | None, parquet: Path | None, foxglove: Path | None) -> int:
-    """Write a recording in the formats asked for; 1 if there is nothing in it. Raises ConfigError."""
+def run_export(
+    recording: Path,
+    csv: Path | None,
+    parquet: Path | None,
+    foxglove: Path | None,
+    since: str | None = None,
+    until: str | None = None,
+) -> int:
+    """Write a recording, or a part of it, in the formats asked for; 1 if there is nothing in it. Raises ConfigError."""
     if csv is None and parquet is None and foxglove is None:
         raise ConfigError("export", "", "say what to write: --csv, --parquet or --foxglove")
     need_mcap("export")
@@ -85,13 +92,15 @@ def run_export(recording: Path, csv: Path | None, parquet: Path | None, foxglove
         need_parquet("export --parquet")
     from milepost.recorder.export import export, outputs
     from milepost.recorder.reading import SUFFIX, recordings_in
+    from milepost.recorder.window import window_of
 
     files = recordings_in(recording)
+    window = window_of(files, since, until)
     if foxglove is not None and foxglove.suffix == SUFFIX and foxglove.resolve().parent == recording.resolve():
         raise ConfigError(foxglove, "", "would be read as a part of the recording: name a file elsewhere for --foxglove")
     size = sum(file.stat().st_size for file in files)
     with progress_bar("exporting", size) as show, outputs(csv, parquet, foxglove, files) as writers:
-        done = export(files, writers, show)
+        done = export(files, writers, show, window)
     for line in done.lines:
         print(line, file=sys.stderr)
     return 0 if done.messages else 1

@@ -11,16 +11,23 @@ from milepost.runtime.zenoh_config import Connection
 from ..progress import progress_bar
 
 
-def run_replay(recording: Path, speed: float, connection: Connection) -> int:
-    """Send what was recorded; 1 if there is nothing in it, its train is running, or no router is there. Raises ConfigError."""
+def run_replay(
+    recording: Path, speed: float, connection: Connection, since: str | None = None, until: str | None = None
+) -> int:
+    """Send what was recorded, or a part of it; 1 if there is nothing in it, its train runs, or no router is there.
+
+    Raises ConfigError.
+    """
     need_mcap("replay")
     from milepost.recorder.reading import recordings_in
+    from milepost.recorder.window import window_of
     from milepost.runtime.recording.replay import TrainIsRunningError, replay
 
     files = recordings_in(recording)
+    window = window_of(files, since, until)
     with progress_bar("replaying", sum(file.stat().st_size for file in files)) as show:
         try:
-            done = replay(files, speed, connection, show)
+            done = replay(files, speed, connection, show, window)
         except TrainIsRunningError as error:
             print(f"milepost: {error}", file=sys.stderr)
             return 1

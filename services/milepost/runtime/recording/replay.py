@@ -20,6 +20,7 @@ import zenoh
 from milepost.recorder.incoming import Incoming
 from milepost.recorder.reading import McapReader, following
 from milepost.recorder.rows import place_of, row_of
+from milepost.recorder.window import ALL, Window
 
 from .. import zenoh_config
 from ..bus import PRIORITIES, open_session
@@ -46,21 +47,29 @@ class Replayed:
     flaws: list[str] = field(default_factory=list)
 
 
-def replay(files: Sequence[Path], speed: float, connection: Connection, progress: Callable[[int], None]) -> Replayed:
-    """Send all messages at `speed` times their pace. Raises ConfigError, NoRouterError, TrainIsRunningError."""
+def replay(
+    files: Sequence[Path], speed: float, connection: Connection, progress: Callable[[int], None], window: Window = ALL
+) -> Replayed:
+    """Send all messages of a window at `speed` times their pace. Raises ConfigError, NoRouterError, TrainIsRunningError."""
     done = Replayed()
     with open_session(zenoh_config.tool(connection), zenoh_log="off") as session:
         sender = _Sender(session, done)
-        for message in _paced(files, speed, done, progress):
+        for message in _paced(_readers(files, window), speed, done, progress):
             sender.send(message)
     return done
 
 
-def _paced(files: Sequence[Path], speed: float, done: Replayed, progress: Callable[[int], None]) -> Iterator[Incoming]:
+def _readers(files: Sequence[Path], window: Window) -> list[list[McapReader]]:
+    """Of each train those of its files, in their order."""
+    return [[McapReader(path, window) for path in group] for group in following(files)]
+
+
+def _paced(
+    trains: Sequence[Sequence[McapReader]], speed: float, done: Replayed, progress: Callable[[int], None]
+) -> Iterator[Incoming]:
     """Each message when its time has come: its receipt after the first one's, divided by the speed."""
     first_ns: int | None = None
     begun_s = time.monotonic()
-    trains = [[McapReader(path) for path in group] for group in following(files)]
     # each train's in the order in which they were written; trains that ran at the same time run so again
     recorded = (chain.from_iterable(reader.messages() for reader in readers) for readers in trains)
     for number, message in enumerate(heapq.merge(*recorded, key=lambda message: message.at_ns)):
