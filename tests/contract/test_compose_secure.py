@@ -8,6 +8,11 @@ from typing import Any
 import pytest
 import yaml
 
+from milepost.cli.composing.compose import Beside, compose
+from milepost.config.shipped_files import find_file
+from milepost.config.train import load_train
+from milepost.security.access import names
+
 ROOT = Path(__file__).parents[2]
 
 
@@ -17,6 +22,30 @@ def services(file: str) -> dict[str, dict[str, Any]]:
 
 
 OPEN, SECURE = services("compose.yaml"), services("compose.secure.yaml")
+
+
+def printed(given: str, **beside: bool) -> str:
+    """What `milepost compose GIVEN --secure` prints."""
+    return compose(find_file(Path(given), "trains"), given, Beside(**beside), secure=True)[0]
+
+
+def test_it_is_what_the_command_prints() -> None:
+    assert printed("full") == (ROOT / "compose.secure.yaml").read_text(encoding="utf-8"), "milepost compose full --secure"
+
+
+@pytest.mark.parametrize("train", ["metro", "full-2oo3"])
+def test_of_another_train_each_container_has_a_certificate_that_there_is(train: str) -> None:
+    """What runs beside it too; who looks at its own health by asking for a state has a reader's as well."""
+    beside = dict.fromkeys(("record", "feed", "page"), True)
+    path = find_file(Path(train), "trains")
+    whole = yaml.safe_load(compose(path, train, Beside(**beside))[0])["services"]
+    secure = yaml.safe_load(printed(train, **beside))["services"]
+    assert list(secure) == list(whole)
+    assert set(secure) <= set(names(load_train(path)))
+    for name, service in secure.items():
+        own = f"${{MILEPOST_PKI:-./pki}}/{name}:/run/milepost:ro"
+        asks = "milepost status" in str(whole[name]["healthcheck"]) or name.startswith("router")
+        assert service["volumes"] == [own, *(["${MILEPOST_PKI:-./pki}/dispatch:/run/dispatch:ro"] if asks else [])]
 
 
 def test_no_container_is_left_out() -> None:

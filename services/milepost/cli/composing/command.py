@@ -23,13 +23,17 @@ def compose(
         bool, typer.Option("--feed", help="With the feed: metrics, vehicle positions and GeoJSON on port 9470 of this machine.")
     ] = False,
     page: Annotated[bool, typer.Option("--page", help="With the dispatch page, on port 9480 of this machine.")] = False,
+    secure: Annotated[
+        bool,
+        typer.Option("--secure", help="Instead, the file to be laid over it, by which each container has its certificate."),
+    ] = False,
 ) -> None:
     """Print the compose file of a train, a container a process, for the folder in which the command is given."""
     from .compose import Beside
     from .compose import compose as composed
 
     given = file or train
-    text, unreadable = composed(find_file(given, "trains"), str(given), Beside(record, feed, page))
+    text, unreadable = composed(find_file(given, "trains"), str(given), Beside(record, feed, page), secure)
     for path in unreadable:
         say(f"{path}: user 10001, as whom containers run, cannot read it")
     typer.echo(text, nl=False)

@@ -11,6 +11,7 @@ from milepost.cli.machines import feed_command, page_command
 from milepost.config.shipped_files import shipped_folder
 from milepost.config.train import Train, load_train
 
+from .secure import secure_text
 from .services import KEPT, Service, literal, recorder_service, train_services, web_service
 from .train_files import Mounted, TrainFiles, train_files
 
@@ -117,8 +118,14 @@ def _volumes(services: Sequence[Service]) -> Iterator[str]:
         yield from (f"  {name}:" for name, there in named.items() if there)
 
 
-def compose(train_file: Path, given: str, beside: Beside) -> tuple[str, list[Path]]:
-    """The compose file of a train, and the files that its containers cannot read. Raises ConfigError."""
+def compose(train_file: Path, given: str, beside: Beside, secure: bool = False) -> tuple[str, list[Path]]:
+    """The compose file of a train, and the files that its containers cannot read. Raises ConfigError.
+
+    `secure`: instead of it the file that is laid over it and gives each container its certificate.
+    """
     train = load_train(train_file)
     files = train_files(train)
+    if secure:
+        services = [*train_services(train, beside.record), *_beside(beside, files)]
+        return secure_text(train, services, given, beside.options), []
     return compose_text(train, files, beside, given), unreadable(files)
