@@ -111,11 +111,15 @@ def test_the_page_follows_the_train(train, tab):
 
 
 def test_a_fault_that_is_injected_by_hand_is_shown_with_the_excluded_unit(train, tab):
-    """GIVEN its page, WHEN a bias is injected into a radar there, THEN the radar is named as excluded, with the event."""
+    """GIVEN its page, WHEN a bias is injected into a radar there, THEN the radar is named as excluded, with the event.
+
+    That it lies is the hypothesis that is published.
+    """
     _, outside, address = train
     tab.goto(f"{address}/train/full-1")
     panel = tab.locator(".inject")
     panel.wait_for(state="visible")
+    sync_api.expect(tab.locator("#hypotheses tr").first).to_contain_text(re.compile(r"nobody lies\s*published"))
     panel.get_by_label("Sensor").click()
     tab.get_by_role("option", name="radar-rear").click()
     panel.get_by_label("size").fill("5")
@@ -124,6 +128,7 @@ def test_a_fault_that_is_injected_by_hand_is_shown_with_the_excluded_unit(train,
     sync_api.expect(panel.locator(".answer")).to_contain_text("bias (size 5) for 8 s")
     sync_api.expect(tab.locator('#train [data-field="excluded"]')).to_contain_text("radar-rear")
     sync_api.expect(tab.locator("#units tr", has_text="radar-rear")).to_contain_text("excluded")
+    sync_api.expect(tab.locator("#hypotheses tr", has_text="radar-rear lies")).to_contain_text("published")
     sync_api.expect(tab.locator("#events")).to_contain_text("fault injected")
     sync_api.expect(tab.locator("#events li", has_text="unit excluded").first).to_contain_text("What to do:")
     state = "milepost/v1/full-1/state"
