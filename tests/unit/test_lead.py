@@ -55,10 +55,20 @@ def test_one_that_was_stopped_once_hears_first_whether_another_one_speaks() -> N
         assert not old.takes_over(t * MS)
 
 
-def test_at_the_start_the_second_in_the_list_waits_an_epoch_more_than_the_first() -> None:
+def test_at_the_start_the_second_in_the_list_leaves_the_first_time_to_begin() -> None:
+    """All processes of a train begin at once, and a busy machine needs longer for it than one epoch more."""
     first, second = lead("fuser"), lead("fuser-2")
-    assert [first.takes_over(t * MS) for t in (0, 79, 80)] == [False, False, True]
-    assert [second.takes_over(t * MS) for t in (0, 99, 100)] == [False, False, True]
+    for each in (first, second):
+        each.awake(1000 * MS)
+    assert [first.takes_over(t * MS) for t in (1000, 1079, 1080)] == [False, False, True]
+    assert [second.takes_over(t * MS) for t in (1000, 1599, 1600)] == [False, False, True]
+
+
+def test_one_that_begins_beside_a_leader_that_is_then_killed_waits_no_longer_than_another_one() -> None:
+    second = lead("fuser-2")
+    second.awake(1000 * MS)
+    second.spoke(state("fuser", 1000), 2, 1010 * MS)
+    assert [second.takes_over(t * MS) for t in (1104, 1105)] == [False, True]
 
 
 def test_with_long_epochs_three_of_them_are_silence() -> None:

@@ -16,6 +16,7 @@ from milepost.page.drawing import MOST_POINTS, drawing_of
 from milepost.page.heard import KEPT_EVENTS, KEPT_INFOS, KEPT_POINTS, Heard
 from milepost.page.injecting import faults_for, options_of, units_of, words_of
 from milepost.page.overview import FLEET
+from milepost.page.possible import condition
 from milepost.page.rows import Sent
 from milepost.page.viewer import Viewer
 from milepost.page.words import STATUSES, age, figure, meaning_of
@@ -143,17 +144,22 @@ def test_each_hypothesis_is_a_question_and_how_far_off_the_train_then_is() -> No
     )
     shown = rows(heard(state(), told), TRAIN)
     assert [list(shown[f"hypothesis/{place:03}"].values()) for place in range(4)] == [
-        ["nobody lies", "refuted", "bad", "+2.00 ± 0.25\u00a0m", "+3.6 ± 0.4\u00a0km/h"],
-        ["radar lies", "published", "ok", "0.00 ± 0.25\u00a0m", "0.0 ± 0.4\u00a0km/h"],
-        ["loop and radar lie", "possible", "info", "-0.50 ± 0.25\u00a0m", "0.0 ± 0.4\u00a0km/h"],
+        ["nobody lies", "refuted", "bad", "+2.00 ± 0.25\u00a0m", "+3.60 ± 0.36\u00a0km/h"],
+        ["radar lies", "published", "ok", "0.00 ± 0.25\u00a0m", "0.00 ± 0.36\u00a0km/h"],
+        ["loop and radar lie", "possible", "info", "-0.50 ± 0.25\u00a0m", "0.00 ± 0.36\u00a0km/h"],
         [
             "radar lies, and the train moves harder than its file says",
             "unlikely",
             "idle",
             "0.00 ± 0.25\u00a0m",
-            "-3.6 ± 0.4\u00a0km/h",
+            "-3.60 ± 0.36\u00a0km/h",
         ],
     ]
+
+
+def test_a_condition_is_a_sentence() -> None:
+    assert condition(["a", "b", "c"]) == "a, b and c lie"
+    assert condition(["motion-model"]) == "the train moves harder than its file says"
 
 
 def test_hypotheses_that_are_not_of_the_states_time_are_not_shown() -> None:

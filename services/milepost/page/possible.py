@@ -44,8 +44,8 @@ def possible(told: Hypotheses | None, state: FusedState | None) -> Iterator[Fiel
             "if": condition(each.without),
             "word": words.word,
             "level": words.level,
-            "position": _apart(each.position_m, each.position_std_m, lead_m, "m", 2),
-            "speed": _apart(each.speed_mps * KMH_PER_MPS, each.speed_std_mps * KMH_PER_MPS, lead_kmh, "km/h", 1),
+            "apart_m": _apart(each.position_m, each.position_std_m, lead_m, "m", 2),
+            "apart_kmh": _apart(each.speed_mps * KMH_PER_MPS, each.speed_std_mps * KMH_PER_MPS, lead_kmh, "km/h", 2),
         }
 
 
@@ -55,7 +55,8 @@ def condition(without: list[str]) -> str:
     hard = "the train moves harder than its file says" if HARD_MOTION in without else ""
     if not units:
         return hard or "nobody lies"
-    lie = f"{' and '.join(units)} {'lies' if len(units) == 1 else 'lie'}"
+    last = " and ".join(units[-2:])
+    lie = f"{', '.join([*units[:-2], last])} {'lies' if len(units) == 1 else 'lie'}"
     return f"{lie}, and {hard}" if hard else lie
 
 

@@ -84,7 +84,10 @@ class Lead:
 
     def awake(self, now_ns: int, stopped_ns: int = 0) -> None:
         """This replica works, and did not for so long before."""
-        if now_ns - self._awake_ns > self._held_up_ns:
+        if not self._awake_ns and self._own:
+            # all processes of a train begin at once: the first in the list has time to
+            self._heard_ns = now_ns + LISTENS_NS
+        elif now_ns - self._awake_ns > self._held_up_ns:
             # it does not know yet what was said meanwhile
             self._heard_ns = now_ns
         self._awake_ns = now_ns

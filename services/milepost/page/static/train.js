@@ -86,7 +86,7 @@ function hypothesisRow() {
 }
 
 function showHypothesis(node, fields) {
-  for (const field of ["if", "position", "speed"]) {
+  for (const field of ["if", "apart_m", "apart_kmh"]) {
     if (fields[field] !== undefined) node.querySelector(`[data-field=${field}]`).textContent = fields[field];
   }
   if (fields.level !== undefined || fields.word !== undefined) setStatus(node.querySelector(".status"), fields.level, fields.word);
