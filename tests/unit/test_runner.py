@@ -161,6 +161,20 @@ def test_health_comes_once_a_second_with_rates_and_what_they_should_be(bench: Be
     assert len(every_second) >= 1
 
 
+def test_health_comes_as_seldom_as_is_said_with_the_rates_of_all_that_time(bench: Bench) -> None:
+    """What is done once a second is done all the same."""
+    every_second: list[int] = []
+    begun_ns = time.time_ns()
+    bench.run(every_second.append, health_every_s=2.0)
+    for sequence in range(4):
+        bench.put(encode(reading(sequence)))
+    first, second = bench.next(Health), bench.next(Health)
+    assert first.measured_at_ns - begun_ns >= 1_900 * MS
+    assert second.measured_at_ns - first.measured_at_ns >= 1_900 * MS
+    assert 1.0 < first.received_hz["speed_reading"] <= 2.1
+    assert len(every_second) >= 3
+
+
 def test_it_ends_when_the_node_has_finished(bench: Bench) -> None:
     bench.node.finished = True
     thread = bench.run()

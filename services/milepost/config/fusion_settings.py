@@ -87,7 +87,7 @@ def fuser_settings(train: Train) -> FuserSettings:
 def fingerprint(train: Train) -> str:
     """A hash of all that a fuser's figures depend on: train file, line, sources, versions of Python and numpy."""
     # where the line's file lies, and what the simulated train does, does not matter
-    stated = {name: value for name, value in train.file if name not in ("line", "world", "chaos")}
+    stated = {name: value for name, value in train.file if name not in ("line", "world", "chaos", "health_every_s")}
     return hashlib.sha256(f"{_code()} {train.line.content_hash} {stated}".encode()).hexdigest()
 
 

@@ -151,12 +151,13 @@ class MotionModelFile(BaseModel):
 class TrainFile(BaseModel):
     """A train: its line, its units in order, how they are fused. `chaos`: whether faults may be injected while it runs.
 
-    `etcs`: it reports its position as ERTMS/ETCS does.
+    `health_every_s`: how often each process tells how it is doing. `etcs`: it reports its position as ERTMS/ETCS does.
     """
 
     model_config = STRICT
     train: Name
     chaos: bool = False
+    health_every_s: Annotated[float, Field(ge=1.0, le=60.0)] = 1.0
     line: DataPath
     motion_model: MotionModelFile
     prior: PriorFile

@@ -1,4 +1,4 @@
-"""Runs one node on Zenoh: inbox to step, deadlines to tick, outputs to keys, health once a second."""
+"""Runs one node on Zenoh: inbox to step, deadlines to tick, outputs to keys, health at intervals."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from .instances import Change, Instances
 from .logs.records import log_event
 from .meter import Meter
 
-HEALTH_NS = 1_000_000_000
+SECOND_NS = 1_000_000_000
 log = logging.getLogger("milepost")
 
 
@@ -37,7 +37,8 @@ def second_instance(node: Node, change: Change, now_ns: int) -> Output:
 class Runner:
     """The loop of a process. `name` is the process's; `parent` ends it when that process is no longer its parent (`orphaned`).
 
-    `expected_hz` are the rates of its streams as the train file sets them. `every_second`: done once a second.
+    `expected_hz` are the rates of its streams as the train file sets them, `health_every_s` how often its health is sent.
+    `every_second`: done once a second.
     """
 
     def __init__(
@@ -49,6 +50,7 @@ class Runner:
         end_ns: int | None = None,
         parent: int | None = None,
         expected_hz: Mapping[str, float] | None = None,
+        health_every_s: float = 1.0,
     ) -> None:
         self._name = name
         self._node = node
@@ -58,7 +60,9 @@ class Runner:
         self._parent = parent
         self._meter = Meter(clock.now_ns(), expected_hz or {})
         self._gate = Gate(expected_hz or {})
-        self._health_ns = clock.now_ns() + HEALTH_NS
+        self._second_ns = clock.now_ns() + SECOND_NS
+        self._health_every_ns = round(health_every_s * SECOND_NS)
+        self._health_ns = clock.now_ns() + self._health_every_ns
         self._health_sequence = 0
         self._instances = Instances()
         self._handing_over = HandingOver(bus, node, name)
@@ -90,7 +94,7 @@ class Runner:
         self._tick_ns = self._node.next_tick_ns()
         if self._handing_over.busy:
             return self._clock.now_ns()
-        return self._health_ns if self._tick_ns is None else min(self._tick_ns, self._health_ns)
+        return self._second_ns if self._tick_ns is None else min(self._tick_ns, self._second_ns)
 
     def turn(self, item: Received | AliveChange | Question | None) -> None:
         """Take what has come, if anything, and do what is due. What the node raises is told as an event, and raised."""
@@ -108,7 +112,7 @@ class Runner:
             self._send([self._node.event("error", "process_failed", text, now_ns)])
             raise
         self._meter.stepped(time.perf_counter() - begun)
-        if now_ns >= self._health_ns:
+        if now_ns >= self._second_ns:
             self._once_a_second(now_ns)
         self._ended = self._end_ns is not None and now_ns >= self._end_ns
 
@@ -158,12 +162,22 @@ class Runner:
                 log_event(message)
 
     def _once_a_second(self, now_ns: int) -> None:
-        """Health, and processes that have a second instance."""
-        self._health_ns = now_ns + HEALTH_NS
+        """What waited too long, health where it is due, and processes that have a second instance."""
+        self._second_ns = now_ns + SECOND_NS
         if self._bus.waiting.dropped:
             text = f"more than {MOST_WAITING} messages of a key were waiting; the others were dropped unread"
             self._send(self._node.refuse("overflow", text, now_ns))
             self._node.refusals.counts["overflow"] = self._bus.waiting.dropped
+        if now_ns >= self._health_ns:
+            self._send_health(now_ns)
+        self._send(second_instance(self._node, change, now_ns) for change in self._instances.changes(time.monotonic()))
+        if self.every_second is not None:
+            self.every_second(now_ns)
+        self.orphaned = self._parent_is_gone()
+
+    def _send_health(self, now_ns: int) -> None:
+        # what is due every so many seconds is due with one of them, not a moment after it
+        self._health_ns = now_ns + self._health_every_ns - SECOND_NS // 2
         body = self._meter.report(now_ns, dict(self._node.refusals.counts), self._node.rewinds)
         health = Health(
             train=self._bus.train,
@@ -176,10 +190,6 @@ class Runner:
         )
         self._health_sequence += 1
         self._bus.publish("health", self._name, health)
-        self._send(second_instance(self._node, change, now_ns) for change in self._instances.changes(time.monotonic()))
-        if self.every_second is not None:
-            self.every_second(now_ns)
-        self.orphaned = self._parent_is_gone()
 
     def _parent_is_gone(self) -> bool:
         if self._parent is None or os.getppid() == self._parent:

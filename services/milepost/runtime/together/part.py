@@ -71,7 +71,8 @@ class Part:
     def runner(self, node: Node, bus: ZenohBus, clock: Clock, start: SimulationStart | None, parent: int | None) -> Runner:
         """The loop of the node, which ends a moment after scenario time."""
         end_ns = start.end_ns + GRACE_NS if start is not None else None
-        return Runner(self.name, node, bus, clock, end_ns, parent, expected_hz(self.train, self.role, self.unit, node))
+        rates, health_every_s = expected_hz(self.train, self.role, self.unit, node), self.train.file.health_every_s
+        return Runner(self.name, node, bus, clock, end_ns, parent, rates, health_every_s)
 
 
 def begin_with_what_is_known(
