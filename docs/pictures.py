@@ -163,7 +163,8 @@ def draw_dispatch_page(
                     tab.get_by_text("degraded" if first else "full-1", exact=True).first.wait_for(timeout=4e3 * RUN_S)
                     tab.wait_for_timeout(1e3 if first else 5e3)
                     file = folder / f"page-{what}-{name}.png"
-                    tab.screenshot(path=file, full_page=what == "train")
+                    # of a wall screen what it shows at once
+                    tab.screenshot(path=file, full_page=what == "train" and name != "wide")
                     shrink(file, **PAGE_COLOURS)
                     tab.close()
             browser.close()

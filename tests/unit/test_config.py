@@ -234,7 +234,7 @@ GEOJSON: dict[str, Any] = {
 SUGGESTIONS = {
     "key": (
         {"spede": 1},
-        "spede: unknown key; known keys: train, chaos, line, motion_model, prior, fusion, world, etcs, units",
+        "spede: unknown key; known keys: train, chaos, health_every_s, line, motion_model, prior, fusion, world, etcs, units",
     ),
     "key of a part": ({"fusion.horizon": 5.0}, "fusion.horizon: unknown key; did you mean 'horizon_s'?"),
     "key of a sensor": ({"units.radar.rate": 9.0}, "units.radar.rate: unknown key; did you mean 'rate_hz'?"),
