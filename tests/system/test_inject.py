@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from conftest import Outside, Stack, start
+from conftest import Outside, Stack, running, start
 
 READING = "milepost/v1/maglev-1/reading/radar"
 EVENT = "milepost/v1/maglev-1/event"
@@ -104,13 +104,20 @@ def test_a_command_that_is_no_fault_is_refused(chaotic):
     outside.wait_for(refused, 5.0, "an event of the refusal")
 
 
+NOT_ALLOWED = "milepost: inject: maglev-1 allows no injection of faults: its train file does not say `chaos: true`\n"
+
+
+def test_a_train_without_chaos_refuses_beside_a_recorder_too(tmp_path):
+    """The recorder, which hears every other stream, is nobody who would take a fault."""
+    with running("maglev", "milepost/v1/maglev-1/state", "--record", str(tmp_path)) as (stack, _):
+        done = inject(stack.endpoint, "radar", "bias", "--size", "10")
+    assert (done.returncode, done.stdout, done.stderr) == (2, "", NOT_ALLOWED)
+
+
 def test_a_train_without_chaos_refuses(maglev):
     stack, outside = maglev
     done = inject(stack.endpoint, "radar", "bias", "--size", "10")
-    assert done.returncode == 2
-    assert done.stdout == ""
-    expected = "milepost: inject: maglev-1 allows no injection of faults: its train file does not say `chaos: true`\n"
-    assert done.stderr == expected
+    assert (done.returncode, done.stdout, done.stderr) == (2, "", NOT_ALLOWED)
     before = len(outside.messages(READING))
     outside.wait_for(lambda: len(outside.heard[READING]) > before + 50, 5.0, "fifty readings")
     assert all(m["speed_mps"] < 25.0 for m in outside.messages(READING))

@@ -100,6 +100,13 @@ def test_an_event_is_as_bad_as_it_says_and_has_its_code(
     assert (found["level"], found["code"], found["message"]) == (severity, "flood", "too many")
 
 
+def test_of_a_process_that_has_many_units_an_event_is_said_with_its_unit(lines: list[str]) -> None:
+    """Where the name of the process is that of the unit, or the event begins with it, it is said once."""
+    for unit, text in (("odometer-front", "845.0 mm"), ("radar", "radar: biased"), ("fuser", "two speak")):
+        log_event(SimpleNamespace(severity="warning", code="x", text=text, unit=unit))
+    assert [line.split(" fuser: ")[1] for line in lines] == ["odometer-front: 845.0 mm", "radar: biased", "two speak"]
+
+
 @pytest.mark.parametrize("form", ["text", "json"])
 def test_a_line_tells_what_it_says_to_who_shows_it(lines: list[str], monkeypatch: pytest.MonkeyPatch, form: str) -> None:
     """GIVEN a process's last line, THEN `up` shows what it says, without date, level and name."""

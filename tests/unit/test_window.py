@@ -102,3 +102,13 @@ def test_an_export_of_a_part_has_its_rows(tmp_path: Path, capsys: pytest.Capture
     assert run_export(path, tmp_path / "csv", None, None, "10", "13") == 0
     assert "3 messages -> " in capsys.readouterr().err
     assert run_export(path, tmp_path / "none", None, None, "100") == 1
+
+
+def test_an_export_leaves_no_table_of_an_earlier_one_in_its_folder(tmp_path: Path) -> None:
+    """What is no table of ours stays."""
+    path, folder = recording(tmp_path), tmp_path / "csv"
+    folder.mkdir()
+    (folder / "event.csv").write_text("of another recording\n")
+    (folder / "notes.txt").write_text("mine\n")
+    assert run_export(path, folder, None, None, "10", "13") == 0
+    assert sorted(each.name for each in folder.iterdir()) == ["notes.txt", "speed_reading.csv"]

@@ -9,7 +9,7 @@ from typing import IO, Any, get_args, get_origin
 
 from pydantic import BaseModel
 
-from milepost_schemas import Message, Stream
+from milepost_schemas import STREAMS, Message, Stream
 
 from .columns import Column, columns_of, plain
 
@@ -17,12 +17,19 @@ from .columns import Column, columns_of, plain
 GROUP = 10_000
 
 
+def _cleared(folder: Path, suffix: str) -> Path:
+    """The folder, without the tables of an earlier export: what lies in it is of one recording, or one part of it."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for row in STREAMS:
+        (folder / f"{row.name}{suffix}").unlink(missing_ok=True)
+    return folder
+
+
 class CsvTables:
     """`STREAM.csv` in a folder."""
 
     def __init__(self, folder: Path) -> None:
-        folder.mkdir(parents=True, exist_ok=True)
-        self._folder = folder
+        self._folder = _cleared(folder, ".csv")
         self._tables: dict[str, tuple[IO[str], Any, list[Column]]] = {}
         self.written = [folder]
 
@@ -58,8 +65,7 @@ class ParquetTables:
     """`STREAM.parquet` in a folder, with the types of the schema."""
 
     def __init__(self, folder: Path) -> None:
-        folder.mkdir(parents=True, exist_ok=True)
-        self._folder = folder
+        self._folder = _cleared(folder, ".parquet")
         self._tables: dict[str, _ParquetTable] = {}
         self.written = [folder]
 

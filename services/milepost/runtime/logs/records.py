@@ -71,7 +71,7 @@ class Lines(logging.Formatter):
         """The line, without its end."""
         time = datetime.fromtimestamp(record.created, UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
         level = "error" if record.levelno >= logging.ERROR else record.levelname.lower()
-        message, error = record.getMessage(), record.exc_info[1] if record.exc_info else None
+        message, error = self._named(record), record.exc_info[1] if record.exc_info else None
         if error is not None:
             message = f"{message}: {in_short(error)}"
         trace = "".join(traceback.format_exception(error)) if error is not None and _level() == logging.DEBUG else ""
@@ -82,6 +82,12 @@ class Lines(logging.Formatter):
         fields |= {"train": self._train} if self._train else {}
         fields |= {"code": code} if (code := getattr(record, "code", "")) else {}
         return json.dumps({**fields, "message": message, **({"traceback": trace} if trace else {})})
+
+    def _named(self, record: logging.LogRecord) -> str:
+        """What it says; an event with its unit, where the name of the process does not tell: in one that has many."""
+        message, unit = record.getMessage(), getattr(record, "unit", "")
+        told = not unit or unit in self._process or message.startswith(unit)
+        return message if told else f"{unit}: {message}"
 
 
 def in_short(error: BaseException) -> str:
@@ -117,7 +123,8 @@ def _formatter() -> logging.Formatter | None:
 def log_event(message: object) -> None:
     """Log an event that was sent."""
     level = NUMBERS.get(getattr(message, "severity", ""), logging.WARNING)
-    log.log(level, "%s", getattr(message, "text", ""), extra={"code": getattr(message, "code", "")})
+    extra = {"code": getattr(message, "code", ""), "unit": getattr(message, "unit", "")}
+    log.log(level, "%s", getattr(message, "text", ""), extra=extra)
 
 
 def say(sentence: str, level: int = logging.INFO) -> None:

@@ -40,6 +40,7 @@ from .writer import WriterThread
 
 log = logging.getLogger("milepost")
 ANY_TRAIN = "*"
+CHAOS = BY_NAME["chaos"]
 
 
 @dataclass(frozen=True)
@@ -75,7 +76,7 @@ def run_recorders(trains: Sequence[Train], options: RecorderOptions) -> None:
         most_bytes = MOST_BYTES // len(trains)
         histories = {BY_NAME[row].key_for(train.name): History(most_bytes=most_bytes) for train in trains for row in HISTORIES}
         writer = WriterThread(Several(recorders), intake, lambda: inbox.put(Stop()), histories)
-        kept = _listen(only_heard, list(recorders), intake)
+        kept = _listen(only_heard, trains, intake)
         kept += _offer(session, inbox, histories)
         for train in trains:
             log.info("recording %s to %s", train.name, options.folder)
@@ -90,13 +91,14 @@ def run_recorders(trains: Sequence[Train], options: RecorderOptions) -> None:
             writer.end()
 
 
-def _listen(session: Any, names: Sequence[str], intake: Intake) -> list[Any]:
+def _listen(session: Any, trains: Sequence[Train], intake: Intake) -> list[Any]:
     """Subscribe to every recorded stream; readings of all kinds have one key, and are subscribed to once.
 
     Of several trains, to those of all trains that there are: a session with thousands of subscriptions takes milliseconds to
-    find whose a new key is, and loses its connection.
+    find whose a new key is, and loses its connection. Commands to sensors are heard only of trains that take them: by the
+    subscribers who sends one sees whether anybody would.
     """
-    ours = frozenset(names)
+    ours = frozenset(train.name for train in trains)
 
     def receive(sample: Any) -> None:
         key = str(sample.key_expr)
@@ -105,9 +107,11 @@ def _listen(session: Any, names: Sequence[str], intake: Intake) -> list[Any]:
 
     # the thread that brings a sample puts it there: a thread for each subscriber would only cost
     put = zenoh.handlers.Callback(receive, indirect=False)
-    rows = {row.key: row for row in reversed(STREAMS) if row.recorded}
-    train = names[0] if len(names) == 1 else ANY_TRAIN
-    return [subscriber(session, row, row.key_for(train), put, paced_too=True) for row in rows.values()]
+    rows = {row.key: row for row in reversed(STREAMS) if row.recorded and row is not CHAOS}
+    every = trains[0].name if len(trains) == 1 else ANY_TRAIN
+    keys = [(row, row.key_for(every)) for row in rows.values()]
+    keys += [(CHAOS, CHAOS.key_for(train.name)) for train in trains if train.file.chaos]
+    return [subscriber(session, row, key, put, paced_too=True) for row, key in keys]
 
 
 def _offer(session: Any, inbox: Inbox, histories: Mapping[str, History]) -> list[Any]:
