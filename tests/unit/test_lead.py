@@ -43,6 +43,39 @@ def test_of_two_that_are_stopped_again_and_again_one_speaks_all_the_same() -> No
     assert max(b - a for a, b in pairwise([0, *spoken, 30_000])) <= 6000
 
 
+def test_of_two_that_are_held_up_again_and_again_one_speaks_while_others_are_heard() -> None:
+    """GIVEN a machine so busy that each works every 0.1 s only, and all that it says is late, THEN one of them speaks, and keeps on.
+
+    Each holds itself for held up, and does not know what was said meanwhile; but it hears others that are no replicas.
+    """
+    first, second = lead("fuser"), lead("fuser-2")
+    spoken: dict[str, list[int]] = {"fuser": [], "fuser-2": []}
+    for t in range(1000, 6000, 50):
+        one, other, unit = (first, second, "fuser") if t % 100 == 0 else (second, first, "fuser-2")
+        one.awake(t * MS, 100 * MS)
+        one.heard((t - 20) * MS)
+        one.publishes((t - 200) * MS, t * MS)
+        if one.takes_over(t * MS):
+            spoken[unit].append(t)
+            other.spoke(state(unit, t - 200), 2, (t + 20) * MS)
+    assert spoken["fuser-2"] == []
+    assert max(b - a for a, b in pairwise([1000, *spoken["fuser"], 6000])) <= 500
+
+
+def test_one_that_speaks_because_nobody_did_gives_way_to_another_that_is_heard() -> None:
+    late = lead("fuser-2")
+    late.awake(1000 * MS)
+    late.spoke(state("fuser", 1000), 2, 1000 * MS)
+    for t in range(1100, 1700, 100):
+        late.awake(t * MS, 100 * MS)
+        late.heard((t - 10) * MS)
+        late.publishes((t - 200) * MS, t * MS)
+        late.takes_over(t * MS)
+    assert late.leads
+    late.spoke(state("fuser", 1690), 2, 1700 * MS)
+    assert not late.leads
+
+
 def test_one_that_was_stopped_once_hears_first_whether_another_one_speaks() -> None:
     """However long it was stopped, the time does not count as one in which nobody spoke."""
     old = lead("fuser")

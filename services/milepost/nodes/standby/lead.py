@@ -17,9 +17,11 @@ LEASE_NS = 500_000_000
 RECONNECTS_NS = 2_000_000_000
 # where nobody has spoken for so long, one that may be deaf speaks all the same; a stop counts as a lease at most
 NOBODY_NS = 4_000_000_000
+# where others are heard, and of no replica a state of so long, one speaks that is held up again and again; the next one later
+QUIET_NS, NEXT_NS = 300_000_000, 150_000_000
 # a busy machine takes so long from the first token to the first state that is heard
 LISTENS_NS = 500_000_000
-# who cannot trust its clock leaves the others so much longer to speak
+# who cannot trust its clock leaves the others so much longer to speak, and those before it in the list as much again
 MISLED_NS = 200_000_000
 
 
@@ -30,7 +32,8 @@ class Lead:
     held up gives way by itself, before another one speaks for it. So one that comes back stays silent. A leader counts as
     silent while others are heard: where nothing at all is heard, the network is silent, or this replica is held up. One that
     was stopped for so long that it has lost its connection is told that nobody else is there, and does not believe it at once:
-    only where nobody has spoken for long, as on a machine so busy that all are stopped over and over.
+    only where nobody has spoken for long, as on a machine so busy that all are stopped over and over. One that speaks because
+    nobody did keeps the lead, however late it is, until another one is heard.
     """
 
     def __init__(self, unit: str, replicas: Sequence[str], period_ns: int, deadline_ns: int) -> None:
@@ -38,7 +41,7 @@ class Lead:
         self._rank = {name: rank for rank, name in enumerate(replicas)}
         self._own = self._rank[unit]
         self._others: set[str] = set()
-        self._left_alone = False
+        self._left_alone = self._unopposed = False
         silence_ns = max(SILENT_EPOCHS * period_ns, SHORTEST_SILENCE_NS)
         self._silence_ns = silence_ns + self._own * period_ns
         self._held_up_ns = round(OWN_PART * silence_ns)
@@ -63,7 +66,7 @@ class Lead:
 
     def spoke(self, other: FusedState, units: int, now_ns: int) -> None:
         """Another replica has published a state; this one has so many units in use."""
-        self._heard_ns, self._spoken_ns = min(other.published_at_ns, now_ns), now_ns
+        self._heard_ns, self._spoken_ns, self._unopposed = min(other.published_at_ns, now_ns), now_ns, False
         if self.misled:
             self.leads = False
             return
@@ -92,7 +95,7 @@ class Lead:
             self._heard_ns = now_ns
         self._awake_ns = now_ns
         if stopped_ns > LEASE_NS:
-            self.leads, self._connected_again = False, False
+            self.leads = self._unopposed = self._connected_again = False
             self._heard_ns, self._deaf_until_ns = now_ns, now_ns + RECONNECTS_NS
             if self._spoken_ns is not None:
                 self._spoken_ns += stopped_ns - LEASE_NS
@@ -115,7 +118,7 @@ class Lead:
 
     def gives_way(self, now_ns: int) -> None:
         """Another one may speak, where there is one."""
-        if self.leads and self._others:
+        if self.leads and self._others and not self._unopposed:
             self.leads, self._heard_ns = False, now_ns
 
     def takes_over(self, now_ns: int, behind_ns: int = 0) -> bool:
@@ -133,15 +136,23 @@ class Lead:
             return False
         if self._heard_ns is None:
             self._heard_ns = now_ns
-        silent = self._silent(self._heard_ns, now_ns - behind_ns)
-        self.leads = self.leads or self._left_alone or nobody_speaks or silent
+        until_ns = now_ns - behind_ns
+        if not self.leads and self._quiet(self._spoken_ns, until_ns):
+            self.leads = self._unopposed = True
+        self.leads = self.leads or self._left_alone or nobody_speaks or self._silent(self._heard_ns, until_ns)
         if self.leads:
             self._spoken_ns = now_ns
         return self.leads
 
     def _silent(self, heard_ns: int, until_ns: int) -> bool:
         """Whether the leader is silent: others were heard so long after it, or nobody is heard any more."""
-        silence_ns = self._silence_ns + (MISLED_NS if self.misled else 0)
+        silence_ns = self._silence_ns + (MISLED_NS * (1 + self._own) if self.misled else 0)
         if self._anybody_ns is not None and until_ns - self._anybody_ns < LEASE_NS:
             until_ns = min(until_ns, self._anybody_ns)
         return until_ns - heard_ns >= silence_ns
+
+    def _quiet(self, spoken_ns: int, until_ns: int) -> bool:
+        """Whether others were heard, but for long no replica: then how often this one was held up does not matter."""
+        if self._anybody_ns is None:
+            return False
+        return min(until_ns, self._anybody_ns) - spoken_ns >= QUIET_NS + self._own * NEXT_NS
