@@ -44,7 +44,7 @@ def test_of_two_that_are_stopped_again_and_again_one_speaks_all_the_same() -> No
 
 
 def test_of_two_that_are_held_up_again_and_again_one_speaks_while_others_are_heard() -> None:
-    """GIVEN a machine so busy that each works every 0.1 s only, and all that it says is late, THEN one of them speaks, and keeps on.
+    """GIVEN a machine so busy that each works every 0.1 s only and says all late, THEN one of them speaks, and keeps on.
 
     Each holds itself for held up, and does not know what was said meanwhile; but it hears others that are no replicas.
     """

@@ -11,7 +11,7 @@ from examples import GAUSSIAN
 from milepost.nodes.base import Output
 from milepost.nodes.voting.agreement import difference
 from milepost.nodes.voting.voter import VoterNode
-from milepost_schemas import Candidate, Event, Feedback, FusedState
+from milepost_schemas import Candidate, Event, Feedback, FusedState, SensorExcluded
 
 
 def say(node: VoterNode, unit: str, epoch: int, off_m: float = 0.0, later_ms: float = 5.0, **changed: Any) -> list[Output]:
@@ -271,11 +271,15 @@ def test_a_restarted_voter_publishes_nothing_twice_and_remembers_what_was_voted(
         ({"covariance": [[8.0, 0.5, 0.0], [0.5, 1.0, 0.1], [0.0, 0.1, 0.25]]}, "covariance"),
         ({"last_balise": None}, None),
         ({"awaiting": []}, None),
+        ({"doubted": []}, "doubted loop, radar and none"),
+        ({"excluded": [SensorExcluded(unit="radar", reason="biased", kind="biased")]}, "excluded none and radar"),
+        # that nothing is heard of a unit one may have seen and the other not
+        ({"excluded": []}, None),
         ({"position_accuracy_m": float("nan")}, "position_accuracy_m"),
     ],
     ids=lambda value: str(value)[:40],
 )
-def test_agreement_is_on_numbers_status_and_line(changed: dict[str, Any], word: str | None) -> None:
+def test_agreement_is_on_numbers_status_line_and_who_is_wrong(changed: dict[str, Any], word: str | None) -> None:
     found = difference(candidate("fuser", 0), candidate("fuser-2", 0, **changed), TOLERANCE)
     assert found is None if word is None else found is not None and found.startswith(word)
 

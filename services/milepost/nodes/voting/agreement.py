@@ -41,8 +41,8 @@ def difference(a: Candidate, b: Candidate, tolerance: Tolerance) -> str | None:
     """The first difference beyond the tolerance, in words; None where two candidates agree.
 
     Two that have not heard the same units in time, as on a busy machine, say different things, and neither is wrong: there each
-    estimate must lie in the other's interval. Not compared: lists for people (`excluded`, `doubted`), and `last_balise` where
-    one has none.
+    estimate must lie in the other's interval. Of the units out of use those are compared that are said to be wrong, not why.
+    Not compared: `last_balise` where one has none.
     """
     return state_difference(a.state, b.state, tolerance) or feedback_difference(
         a.feedback, b.feedback, tolerance, not_heard(a.state) == not_heard(b.state)
@@ -89,6 +89,9 @@ def _state_differences(one: FusedState, other: FusedState, t: Tolerance) -> Iter
     for name in SAME:
         if (left := getattr(one, name)) != (right := getattr(other, name)):
             yield f"{name} {left} and {right}"
+    for name, left, right in (("excluded", _wrong(one), _wrong(other)), ("doubted", set(one.doubted), set(other.doubted))):
+        if left != right:
+            yield f"{name} {_listed(left)} and {_listed(right)}"
     if one.last_balise and other.last_balise and one.last_balise.balise_id != other.last_balise.balise_id:
         yield f"last_balise {one.last_balise.balise_id} and {other.last_balise.balise_id}"
     for field, names in NUMBERS.items():
@@ -103,6 +106,15 @@ def _state_differences(one: FusedState, other: FusedState, t: Tolerance) -> Iter
         if (left is None) != (right is None) or (left is not None and not abs(left - right) * METRES_A_DEGREE <= t.position_m):
             yield f"{name} {left} and {right}"
     yield from _matrix("covariance", one.covariance, other.covariance, t.sigmas)
+
+
+def _wrong(state: FusedState) -> set[str]:
+    """The units that are said to be wrong; what merely says nothing in time may be heard by one and not by the other."""
+    return {each.unit for each in state.excluded if not each.says_nothing}
+
+
+def _listed(units: set[str]) -> str:
+    return ", ".join(sorted(units)) or "none"
 
 
 def _contradictions(one: FusedState, other: FusedState) -> Iterator[str]:
