@@ -242,6 +242,13 @@ def test_a_course_that_the_places_contradict_is_not_used(factor: float, off_deg:
     assert speed_mps == pytest.approx(15.0, abs=0.7)
 
 
+def test_a_log_that_is_named_twice_is_one_line(tmp_path: Path) -> None:
+    log = write(tmp_path, epoch_seconds())
+    with pytest.raises(ConfigError, match=r"My Run\.csv: is named twice$"):
+        run_import([log, tmp_path / "." / log.name], None, tmp_path / "out", (), (), False, True)
+    assert not (tmp_path / "out").exists()
+
+
 def test_fixes_far_from_the_line_are_one_line(tmp_path: Path) -> None:
     geometry = {"type": "LineString", "coordinates": [[5.0, 51.5], [5.1, 51.5]]}
     (tmp_path / "track.geojson").write_text(json.dumps(geometry), encoding="utf-8")

@@ -97,6 +97,19 @@ def test_at_the_start_the_second_in_the_list_leaves_the_first_time_to_begin() ->
     assert [second.takes_over(t * MS) for t in (1000, 1599, 1600)] == [False, False, True]
 
 
+def test_one_that_was_handed_what_another_knows_listens_half_a_second() -> None:
+    """Who handed it over runs, and may speak; what it says has not come yet."""
+    back = lead("fuser")
+    back.joins(1000 * MS)
+    back.awake(1010 * MS)
+    assert [back.takes_over(t * MS) for t in (1010, 1499, 1500)] == [False, False, True]
+    other = lead("fuser")
+    other.joins(1000 * MS)
+    other.awake(1010 * MS)
+    other.spoke(state("fuser-2", 1000), 2, 1020 * MS)
+    assert [other.takes_over(t * MS) for t in (1084, 1085)] == [False, True]
+
+
 def test_one_that_begins_beside_a_leader_that_is_then_killed_waits_no_longer_than_another_one() -> None:
     second = lead("fuser-2")
     second.awake(1000 * MS)

@@ -102,6 +102,7 @@ def test_an_export_of_a_part_has_its_rows(tmp_path: Path, capsys: pytest.Capture
     assert run_export(path, tmp_path / "csv", None, None, "10", "13") == 0
     assert "3 messages -> " in capsys.readouterr().err
     assert run_export(path, tmp_path / "none", None, None, "100") == 1
+    assert "nothing came between these times: it was recorded from 20" in capsys.readouterr().err
 
 
 def test_an_export_leaves_no_table_of_an_earlier_one_in_its_folder(tmp_path: Path) -> None:

@@ -72,6 +72,24 @@ def _utc_ns(said: str, option: str) -> int:
         raise ConfigError(option, "", f"must be {expected}, not {said!r}") from None
 
 
+def outside(files: Iterable[Path], window: Window) -> str | None:
+    """What to say where a window holds nothing of a recording: when that was; None where all is asked for, or it is empty."""
+    from .reading import McapReader
+
+    if window == ALL:
+        return None
+    first_ns, last_ns = END_OF_TIME_NS, 0
+    for path in files:
+        for message in McapReader(path).messages():
+            first_ns, last_ns = min(first_ns, message.at_ns), max(last_ns, message.at_ns)
+    if not last_ns:
+        return None
+    first, last = (datetime.fromtimestamp(ns / NS_PER_S, UTC).strftime("%Y-%m-%dT%H:%M:%S") for ns in (first_ns, last_ns))
+    return (
+        f"nothing came between these times: it was recorded from {first} to {last} UTC, {(last_ns - first_ns) / NS_PER_S:.1f} s"
+    )
+
+
 def _begun_ns(files: Iterable[Path]) -> int:
     from .reading import McapReader
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shlex
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -41,7 +42,7 @@ def compose_text(train: Train, files: TrainFiles, beside: Beside, given: str) ->
     buildable = (source / "deploy" / "Dockerfile").is_file()
     parts = {
         "train": train.name,
-        "command": " ".join(["milepost compose", given, *beside.options]),
+        "command": shlex.join(["milepost", "compose", given, *beside.options]),
         "variables": "\n".join(_variables(services, beside, buildable)),
         "made_by": "the service `router` builds it" if buildable else "it is built in Milepost's repository",
         "train_file": literal(str(files.train.target)),

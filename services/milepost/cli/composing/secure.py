@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from milepost.config.train import Train
 from milepost.security.access import DISPATCH, ROUTERS
 
-from .services import Service, literal
+from .services import Service
 
 SKELETON = Path(__file__).with_name("secure.yaml")
 # where a container has its own certificate, and that of a tool that only reads
@@ -18,12 +19,13 @@ OWN, READER = "/run/milepost", "/run/dispatch"
 def secure_text(train: Train, services: Sequence[Service], given: str, options: Sequence[str]) -> str:
     """The overlay of these services and the routers. `given`: how the command line named the train."""
     likes = {**dict.fromkeys(ROUTERS, "router"), **{each.name: each.like for each in services}}
-    opened = " ".join(["milepost compose", literal(given), *options])
+    # for a shell, in comments
+    opened = shlex.join(["milepost", "compose", given, *options])
     parts = {
         "train": train.name,
         "command": f"{opened} --secure",
         "open_command": opened,
-        "given": literal(given),
+        "given": shlex.quote(given),
         "services": "\n\n".join("\n".join(_lines(name, like)) for name, like in likes.items()),
     }
     text = SKELETON.read_text(encoding="utf-8")

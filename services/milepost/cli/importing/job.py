@@ -38,6 +38,8 @@ def run_import(
         told = said(columns, units)
     except ValueError as error:
         raise ConfigError("import", "", str(error)) from error
+    if twice := next((path for n, path in enumerate(paths) if path.resolve() in [each.resolve() for each in paths[:n]]), None):
+        raise ConfigError(twice, "", "is named twice")
     logs, remarks = _with_columns([_opened(path) for path in paths], told)
     folder = out or Path(paths[0].stem)
     if folder.exists() and not folder.is_dir():

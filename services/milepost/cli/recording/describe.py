@@ -92,7 +92,7 @@ def run_export(
         need_parquet("export --parquet")
     from milepost.recorder.export import export, outputs
     from milepost.recorder.reading import SUFFIX, recordings_in
-    from milepost.recorder.window import window_of
+    from milepost.recorder.window import outside, window_of
 
     files = recordings_in(recording)
     window = window_of(files, since, until)
@@ -103,4 +103,6 @@ def run_export(
         done = export(files, writers, show, window)
     for line in done.lines:
         print(line, file=sys.stderr)
+    if not done.messages and (said := outside(files, window)):
+        print(f"milepost: {said}", file=sys.stderr)
     return 0 if done.messages else 1

@@ -20,7 +20,7 @@ def run_replay(
     """
     need_mcap("replay")
     from milepost.recorder.reading import recordings_in
-    from milepost.recorder.window import window_of
+    from milepost.recorder.window import outside, window_of
     from milepost.runtime.recording.replay import TrainIsRunningError, replay
 
     files = recordings_in(recording)
@@ -35,4 +35,6 @@ def run_replay(
         print(f"milepost: {flaw}", file=sys.stderr)
     late = f"; the latest one {done.latest_s * 1e3:.0f} ms late" if done.latest_s >= 0.01 else ""
     print(f"{done.sent} messages of {done.span_s:.1f} s sent{late}; {done.left_out} left out", file=sys.stderr)
+    if not done.sent + done.left_out and (said := outside(files, window)):
+        print(f"milepost: {said}", file=sys.stderr)
     return 0 if done.sent else 1

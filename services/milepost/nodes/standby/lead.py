@@ -104,6 +104,10 @@ class Lead:
             # the time may not have caught up with the stop yet
             self._heard_ns = now_ns + stopped_ns
 
+    def joins(self, now_ns: int) -> None:
+        """This replica has what another one knew, which runs: it listens before it speaks."""
+        self._deaf_until_ns = now_ns + LISTENS_NS
+
     def timed(self, wrong: bool, now_ns: int) -> None:
         """Whether this replica's clock is wrong: then it leads only while nobody else speaks."""
         if wrong != self.misled:

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from milepost.estimation.observation import FUTURE_NS
 from milepost.nodes.base import Node, Output, Subscription
 from milepost.nodes.clocks.timed import Timed
-from milepost_schemas import FusedState, Message
+from milepost_schemas import Feedback, FusedState, Message, SnapshotPart
 
 from .lead import Lead
 
@@ -37,6 +37,11 @@ class ReplicaNode(Timed):
         """Note that a process's liveliness token appeared or was dropped."""
         self._lead.alive(unit, alive)
         super().unit_alive(unit, alive)
+
+    def take_over(self, parts: Sequence[SnapshotPart], agreed: Feedback, now_ns: int) -> None:
+        """Continue from what a peer knows, which may be speaking."""
+        super().take_over(parts, agreed, now_ns)
+        self._lead.joins(self._time.right_ns(now_ns))
 
     def step(self, message: Message, now_ns: int) -> Iterator[Output]:
         """Take what the fuser takes, and the states of other replicas."""

@@ -105,7 +105,10 @@ function eventRow(fields) {
   const action = node.querySelector(".action");
   action.hidden = !fields.action;
   action.querySelector("span").textContent = fields.action;
-  events.prepend(node);
+  // what was held up on its way comes later than it was said
+  node.dataset.atMs = fields.at_ms;
+  const older = [...events.children].find((each) => Number(each.dataset.atMs) <= fields.at_ms);
+  events.insertBefore(node, older ?? null);
   return node;
 }
 
