@@ -61,3 +61,4 @@ def test_a_process_on_a_host_whose_clock_is_two_seconds_off_is_of_use(
     assert all(-1e8 < at_ns - state.measured_at_ns < 1e9 for at_ns, state in train.witness.received[-HEARD:])
     # back to a host whose clock is right
     train.kill(process)
+    train.back(process, BACK_S)

@@ -102,12 +102,20 @@ def test_one_that_was_handed_what_another_knows_listens_half_a_second() -> None:
     back = lead("fuser")
     back.joins(1000 * MS)
     back.awake(1010 * MS)
-    assert [back.takes_over(t * MS) for t in (1010, 1499, 1500)] == [False, False, True]
+    assert [back.takes_over(t * MS) for t in (1010, 1579, 1580)] == [False, False, True]
     other = lead("fuser")
     other.joins(1000 * MS)
     other.awake(1010 * MS)
     other.spoke(state("fuser-2", 1000), 2, 1020 * MS)
     assert [other.takes_over(t * MS) for t in (1084, 1085)] == [False, True]
+
+
+def test_one_that_listens_speaks_at_once_where_the_other_has_ended() -> None:
+    back = lead("fuser")
+    back.joins(1000 * MS)
+    back.awake(1010 * MS)
+    back.alive("fuser-2", False)
+    assert back.takes_over(1011 * MS)
 
 
 def test_one_that_begins_beside_a_leader_that_is_then_killed_waits_no_longer_than_another_one() -> None:

@@ -92,7 +92,7 @@ class Lead:
             self._heard_ns = now_ns + LISTENS_NS
         elif now_ns - self._awake_ns > self._held_up_ns:
             # it does not know yet what was said meanwhile
-            self._heard_ns = now_ns
+            self._heard_ns = max(self._heard_ns or 0, now_ns)
         self._awake_ns = now_ns
         if stopped_ns > LEASE_NS:
             self.leads = self._unopposed = self._connected_again = False
@@ -106,7 +106,7 @@ class Lead:
 
     def joins(self, now_ns: int) -> None:
         """This replica has what another one knew, which runs: it listens before it speaks."""
-        self._deaf_until_ns = now_ns + LISTENS_NS
+        self._heard_ns = now_ns + LISTENS_NS
 
     def timed(self, wrong: bool, now_ns: int) -> None:
         """Whether this replica's clock is wrong: then it leads only while nobody else speaks."""
