@@ -89,7 +89,15 @@ def is_of(line: Line, *kinds: str) -> bool:
 
 def test_a_recording_has_every_stream_in_order_of_arrival(recorded):
     lines = recorded.lines
-    assert {line["key"].split("/")[3] for line in lines} == {"reading", "estimate", "fix", "feedback", "state", "@sim"}
+    assert {line["key"].split("/")[3] for line in lines} == {
+        "reading",
+        "estimate",
+        "fix",
+        "feedback",
+        "state",
+        "hypotheses",
+        "@sim",
+    }
     assert [line["received_at_ns"] for line in lines] == sorted(line["received_at_ns"] for line in lines)
 
 
