@@ -9,12 +9,14 @@ import numpy as np
 
 from .bank_state import Bank, rarity
 
+Judgement = Literal["leads", "held", "unlikely", "refuted"]
+
 
 class Possible(NamedTuple):
     """A hypothesis: the units that it leaves out, and (mean, standard deviation) of its position in m and speed in m/s."""
 
     without: tuple[str, ...]
-    judgement: Literal["leads", "held", "unlikely", "refuted"]
+    judgement: Judgement
     position: tuple[float, float]
     speed: tuple[float, float]
 
@@ -41,7 +43,7 @@ def _of(bank: Bank, row: int, held: bool) -> Possible | None:
     return Possible(without, _judgement(bank, row, held), (s, position_std), (v, speed_std))
 
 
-def _judgement(bank: Bank, row: int, held: bool) -> Literal["leads", "held", "unlikely", "refuted"]:
+def _judgement(bank: Bank, row: int, held: bool) -> Judgement:
     if row == bank.leader:
         return "leads"
     if held:

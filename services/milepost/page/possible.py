@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 from milepost.feeds.fleet import NS_PER_S
+from milepost.fusion.hypotheses import MOTION_MODEL
 from milepost_schemas import FusedState, Hypotheses
 from milepost_schemas.hypotheses import Judgement
 
@@ -14,7 +15,6 @@ from .words import KMH_PER_MPS, NBSP, Level, figure
 
 # they come once a second
 FRESH_NS = 3 * NS_PER_S
-HARD_MOTION = "motion-model"
 
 
 class JudgementWords(NamedTuple):
@@ -51,8 +51,8 @@ def possible(told: Hypotheses | None, state: FusedState | None) -> Iterator[Fiel
 
 def condition(without: list[str]) -> str:
     """`radar and loop lie`."""
-    units = [unit for unit in without if unit != HARD_MOTION]
-    hard = "the train moves harder than its file says" if HARD_MOTION in without else ""
+    units = [unit for unit in without if unit != MOTION_MODEL]
+    hard = "the train moves harder than its file says" if MOTION_MODEL in without else ""
     if not units:
         return hard or "nobody lies"
     last = " and ".join(units[-2:])

@@ -37,7 +37,7 @@ class Beside:
 def compose_text(train: Train, files: TrainFiles, beside: Beside, given: str) -> str:
     """The compose file for the working folder. `given`: how the command line named the train."""
     anchors = {each.target: f"file-{number}" for number, each in enumerate(files.all, start=1)}
-    services = [*train_services(train, beside.record), *_beside(beside, files)]
+    services = _services(train, files, beside)
     source = shipped_folder().parent
     buildable = (source / "deploy" / "Dockerfile").is_file()
     parts = {
@@ -60,6 +60,11 @@ def compose_text(train: Train, files: TrainFiles, beside: Beside, given: str) ->
 def unreadable(files: TrainFiles) -> list[Path]:
     """Files that the user of the containers, who is nobody on this machine, cannot read."""
     return [each.source for each in files.all if not each.source.stat().st_mode & READABLE_BY_ALL]
+
+
+def _services(train: Train, files: TrainFiles, beside: Beside) -> list[Service]:
+    """Those of the train and of what runs beside it, without the routers."""
+    return [*train_services(train, beside.record), *_beside(beside, files)]
 
 
 def _beside(beside: Beside, files: TrainFiles) -> Iterator[Service]:
@@ -127,6 +132,5 @@ def compose(train_file: Path, given: str, beside: Beside, secure: bool = False) 
     train = load_train(train_file)
     files = train_files(train)
     if secure:
-        services = [*train_services(train, beside.record), *_beside(beside, files)]
-        return secure_text(train, services, given, beside.options), []
+        return secure_text(train, _services(train, files, beside), given, beside.options), []
     return compose_text(train, files, beside, given), unreadable(files)

@@ -17,11 +17,12 @@ LEASE_NS = 500_000_000
 RECONNECTS_NS = 2_000_000_000
 # where nobody has spoken for so long, one that may be deaf speaks all the same; a stop counts as a lease at most
 NOBODY_NS = 4_000_000_000
-# where others are heard, and of no replica a state of so long, one speaks that is held up again and again; the next one later
+# where others are heard but no replica for so long, one speaks even if it is held up again and again; each later one in the
+# list waits so much longer
 QUIET_NS, NEXT_NS = 300_000_000, 150_000_000
 # a busy machine takes so long from the first token to the first state that is heard
 LISTENS_NS = 500_000_000
-# who cannot trust its clock leaves the others so much longer to speak, and those before it in the list as much again
+# who cannot trust its clock waits so much longer before it speaks, and as much again for each one before it in the list
 MISLED_NS = 200_000_000
 
 
@@ -88,7 +89,7 @@ class Lead:
     def awake(self, now_ns: int, stopped_ns: int = 0) -> None:
         """This replica works, and did not for so long before."""
         if not self._awake_ns and self._own:
-            # all processes of a train begin at once: the first in the list has time to
+            # all processes of a train begin at once: the first in the list is left time to speak
             self._heard_ns = now_ns + LISTENS_NS
         elif now_ns - self._awake_ns > self._held_up_ns:
             # it does not know yet what was said meanwhile
