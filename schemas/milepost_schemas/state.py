@@ -110,6 +110,11 @@ class FusedState(Message):
     awaiting: list[Name]
     settled: bool = False
 
+    @property
+    def said_wrong(self) -> frozenset[str]:
+        """The units that are said to be wrong, not those that merely say nothing in time."""
+        return frozenset(each.unit for each in self.excluded if not each.says_nothing)
+
     @model_validator(mode="after")
     def _inside_own_interval(self) -> FusedState:
         if not self.position_min_m <= self.position_m <= self.position_max_m:

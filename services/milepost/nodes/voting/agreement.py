@@ -89,7 +89,9 @@ def _state_differences(one: FusedState, other: FusedState, t: Tolerance) -> Iter
     for name in SAME:
         if (left := getattr(one, name)) != (right := getattr(other, name)):
             yield f"{name} {left} and {right}"
-    for name, left, right in (("excluded", _wrong(one), _wrong(other)), ("doubted", set(one.doubted), set(other.doubted))):
+    # what merely says nothing in time may be heard by one and not by the other
+    judged = ("excluded", one.said_wrong, other.said_wrong), ("doubted", frozenset(one.doubted), frozenset(other.doubted))
+    for name, left, right in judged:
         if left != right:
             yield f"{name} {_listed(left)} and {_listed(right)}"
     if one.last_balise and other.last_balise and one.last_balise.balise_id != other.last_balise.balise_id:
@@ -108,12 +110,7 @@ def _state_differences(one: FusedState, other: FusedState, t: Tolerance) -> Iter
     yield from _matrix("covariance", one.covariance, other.covariance, t.sigmas)
 
 
-def _wrong(state: FusedState) -> set[str]:
-    """The units that are said to be wrong; what merely says nothing in time may be heard by one and not by the other."""
-    return {each.unit for each in state.excluded if not each.says_nothing}
-
-
-def _listed(units: set[str]) -> str:
+def _listed(units: frozenset[str]) -> str:
     return ", ".join(sorted(units)) or "none"
 
 
