@@ -12,11 +12,14 @@ from .position_report import PositionReport
 from .reading import BaliseTelegram, InertialReading, PositionReading, SpeedReading
 from .snapshot import MOST_PARTS, SnapshotPart
 from .state import BalisePassed, FusedState, SensorExcluded, SensorInUse, SimulationStart, Truth
-from .streams import BY_NAME, ROOT, STREAMS, Stream, alive_key, rpc_key, simulation_start_key
+from .streams import BY_NAME, HEARING_KEY, ROOT, STREAMS, Stream, alive_key, router_key, rpc_key, simulation_start_key
 
 __all__ = [
     "BY_NAME",
     "COMMON_STATES",
+    "EVENT_CODES",
+    "HEARING_KEY",
+    "MOST_PARTS",
     "ROOT",
     "STREAMS",
     "AbsoluteFix",
@@ -24,7 +27,6 @@ __all__ = [
     "BaliseTelegram",
     "Candidate",
     "Estimate",
-    "EVENT_CODES",
     "Event",
     "EventCode",
     "FaultCommand",
@@ -37,7 +39,6 @@ __all__ = [
     "InertialReading",
     "JudgedReading",
     "LinearObservation",
-    "MOST_PARTS",
     "Message",
     "Part",
     "PositionReading",
@@ -55,6 +56,7 @@ __all__ = [
     "decode",
     "encode",
     "from_fields",
+    "router_key",
     "rpc_key",
     "simulation_start_key",
     "unpack",

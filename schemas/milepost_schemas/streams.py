@@ -100,6 +100,10 @@ STREAMS: tuple[Stream, ...] = (
 BY_NAME: dict[str, Stream] = {row.name: row for row in STREAMS}
 
 
+# nobody's token: who asks for it hears from its router that there is none
+HEARING_KEY = f"{ROOT}/@hearing"
+
+
 def alive_key(train: str, unit: str = "*", instance: str = "*") -> str:
     """The liveliness token of one instance of one process."""
     return f"{ROOT}/{train}/alive/{unit}/{instance}"
@@ -108,6 +112,11 @@ def alive_key(train: str, unit: str = "*", instance: str = "*") -> str:
 def rpc_key(train: str, procedure: str, unit: str = "*") -> str:
     """A procedure that a process answers."""
     return f"{ROOT}/{train}/@rpc/{procedure}/{unit}"
+
+
+def router_key(zenoh_id: str) -> str:
+    """The liveliness token of a router, by its Zenoh id ('*' for any)."""
+    return f"{ROOT}/@router/{zenoh_id}"
 
 
 def simulation_start_key(train: str) -> str:

@@ -110,3 +110,10 @@ def test_acl_prints_what_zenoh_takes() -> None:
     assert done.returncode == 0
     zenoh.Config.from_json5(done.stdout)
     assert json.loads(done.stdout)["access_control"]["default_permission"] == "deny"
+
+
+@pytest.mark.parametrize("host", ["", " ", "a b", "*", "*.example.com", "-x", "tcp/127.0.0.1", "zürich"])
+def test_a_host_that_can_be_none_is_refused_before_anything_is_made(host: str, tmp_path: Path) -> None:
+    wrong = milepost("pki", "init", "--train", METRO, "--dir", str(tmp_path / "pki"), f"--host={host}")
+    assert (wrong.returncode, wrong.stderr) == (2, f"milepost: pki init: --host: {host!r} is no name or address of a host\n")
+    assert not (tmp_path / "pki").exists()

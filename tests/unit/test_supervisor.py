@@ -127,6 +127,17 @@ def test_restarts_are_forgotten_after_a_healthy_while(supervisor: Supervisor, cl
     assert restarted(supervisor, child, clock) == pytest.approx(1.0)
 
 
+def test_a_process_that_somebody_kills_every_five_seconds_is_back_as_soon_each_time(
+    supervisor: Supervisor, clock: Clock
+) -> None:
+    child = supervisor.start(job("loop", "raise SystemExit(3)"))
+    waits = []
+    for _ in range(4):
+        clock.now += 4.5
+        waits.append(restarted(supervisor, child, clock))
+    assert waits == pytest.approx([0.5] * 4)
+
+
 def test_restarts_are_not_forgotten_before(supervisor: Supervisor, clock: Clock) -> None:
     child = supervisor.start(job("loop", "raise SystemExit(3)"))
     for _ in range(4):

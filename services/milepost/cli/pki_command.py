@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 from typing import Annotated
 
@@ -16,6 +17,7 @@ from .options import DEFAULT_TRAIN, StateDirOption, TrainOption
 
 # as in milepost.security.authority; the library behind it is not imported before it is needed
 DEFAULT_DAYS = 7.0
+HOST = re.compile(r"[0-9A-Za-z:](?:[0-9A-Za-z._:-]*[0-9A-Za-z:])?")
 
 pki = typer.Typer(no_args_is_help=True, help="Certificates for the processes of a train, from an authority of its own.")
 DirOption = Annotated[
@@ -26,6 +28,14 @@ DaysOption = Annotated[float, typer.Option("--days", min=0.0001, max=825.0, help
 HostOption = Annotated[
     list[str], typer.Option("--host", help="Name or address of a router, besides its own name and localhost. Repeatable.")
 ]
+
+
+def _checked(hosts: list[str], command: str) -> list[str]:
+    for host in hosts:
+        # letters of other alphabets are written in punycode; a wildcard would stand for hosts that are none of the train's
+        if HOST.fullmatch(host) is None:
+            raise ConfigError(command, "--host", f"{host!r} is no name or address of a host")
+    return hosts
 
 
 def _bundle(train: Path, folder: Path | None, state_dir: Path | None):  # type: ignore[no-untyped-def]
@@ -62,7 +72,7 @@ def init(
         if not endpoint.startswith("tls/"):
             raise ConfigError("pki init", "--listen, --connect", f"{endpoint!r} is not tls/HOST:PORT")
     bundle = _bundle(train, folder, state_dir)
-    bundle.create(days, host, owner)
+    bundle.create(days, _checked(host, "pki init"), owner)
     bundle.write_sessions(listen, connect or listen)
     say(f"{bundle.folder}: certificates for {days:g} days; keep ca.key from everybody")
 
@@ -78,7 +88,7 @@ def issue(
 ) -> None:
     """Replace the certificates of some."""
     bundle = _bundle(train, folder, state_dir)
-    bundle.issue(name, days, host)
+    bundle.issue(name, days, _checked(host, "pki issue"))
     say(f"{bundle.folder}: {', '.join(name)}: certificates for {days:g} days")
 
 

@@ -20,7 +20,8 @@ from milepost_schemas import BY_NAME, Message, Part, Refused, Stream, alive_key,
 
 from .inbox.flood import Waiting
 from .instances import Token, token_of
-from .reach import HOW_TO_START, advice
+from .sessions.hearing import hearing_well
+from .sessions.reach import HOW_TO_START, advice
 from .subscribing import subscriber
 
 PRIORITIES = {
@@ -83,10 +84,11 @@ class NoRouterError(ConnectionError):
 def open_session(config: dict[str, Any], zenoh_log: str = "error") -> Iterator[Any]:
     """A Zenoh session that is closed whatever happens: without that, a crashed process would keep its token alive.
 
+    A client makes its connection anew where nothing comes back over it, and so does a router that links itself with others.
     `zenoh_log`: from which level on Zenoh logs, where RUST_LOG does not say. It writes to standard output.
     """
     zenoh.init_log_from_env_or(zenoh_log)
-    with _open(config) as session:
+    with _open(config) as session, hearing_well(session, config):
         yield session
 
 

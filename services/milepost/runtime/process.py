@@ -29,7 +29,7 @@ from .inbox.taking import take
 from .logs.output import zenoh_in_log
 from .logs.records import set_up_log
 from .runner import Runner
-from .session_file import whole
+from .sessions.session_file import whole
 from .together.part import (
     GRACE_NS,
     Part,

@@ -16,7 +16,7 @@ from .logs.records import message_of
 RESTART_AFTER_S = 0.5
 LONGEST_WAIT_S = 8.0
 # a process that ran this long before it failed is restarted as if it had never failed before
-HEALTHY_S = 10.0
+HEALTHY_S = 3.0
 KILL_AFTER_S = 3.0
 TAIL_BYTES = 4096
 TAIL_LINES = 20

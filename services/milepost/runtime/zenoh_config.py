@@ -67,7 +67,7 @@ def _with_file(connection: Connection, waits: dict[str, Any]) -> dict[str, Any]:
     if not isinstance(connection, Path):
         return config
     # commands that only need the default endpoint are not to wait for Zenoh
-    from .session_file import laid_over
+    from .sessions.session_file import laid_over
 
     return laid_over(config, connection)
 

@@ -15,7 +15,7 @@ from milepost.runtime.bus import ZenohBus
 from milepost.runtime.logs.output import reading_output
 from milepost.runtime.logs.records import log_event
 from milepost.runtime.process import run_router
-from milepost.runtime.session_file import whole
+from milepost.runtime.sessions.session_file import whole
 from milepost_schemas import Event
 
 from .refusals import LOG_FILTER, Refusals

@@ -6,12 +6,12 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 from milepost.config.train import Train
-from milepost_schemas import ROOT
+from milepost_schemas import HEARING_KEY, ROOT, router_key
 
 from .access import CACHE, ROUTERS, Access, accesses
 
 # `**` does not match a chunk that begins with `@`
-EVERYTHING = ("**", f"{ROOT}/*/@rpc/**", f"{ROOT}/*/@sim/**", f"{ROOT}/*/@chaos/**", f"**/{CACHE}")
+EVERYTHING = ("**", f"{ROOT}/*/@rpc/**", f"{ROOT}/*/@sim/**", f"{ROOT}/*/@chaos/**", f"**/{CACHE}", router_key("*"))
 DECLARATIONS = ("declare_subscriber", "declare_queryable")
 MESSAGES = (
     "put",
@@ -50,6 +50,7 @@ def _rules(access: Access) -> Iterator[tuple[str, Rule]]:
     yield "receives", ("egress", ("put",), (*access.receives, *got))
     yield "shows its token", ("ingress", ("liveliness_token",), (*access.shows, *sent))
     yield "watches tokens", ("ingress", ("liveliness_query", "declare_liveliness_subscriber"), (*access.watches, *got))
+    yield "asks whether it hears", ("ingress", ("liveliness_query",), (HEARING_KEY,))
     yield "sees tokens", ("egress", ("liveliness_token",), (*access.watches, *got))
     yield "answers", ("ingress", ("declare_queryable",), (*access.answers, *sent))
     # a cache answers with what was sent, on its key

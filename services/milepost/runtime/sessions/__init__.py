@@ -1,0 +1,1 @@
+"""A Zenoh session: what its configuration file says, where it leads, whether it still hears."""
