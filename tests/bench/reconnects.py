@@ -83,7 +83,7 @@ def break_pair(seed: int, stops: int, found: list[float | None]) -> None:
         routers = []
         for place, endpoint in enumerate(endpoints):
             words = ["run", "router", "--listen", endpoint, *(["--link", endpoints[0]] if place else [])]
-            process = subprocess.Popen([sys.executable, "-m", "milepost", *words], stderr=subprocess.DEVNULL)
+            process = subprocess.Popen([sys.executable, "-m", "milepost", *words])
             stack.callback(process.kill)
             routers.append(process.pid)
         sessions = [stack.enter_context(open_session(client([endpoint]))) for endpoint in endpoints for _ in range(2)]

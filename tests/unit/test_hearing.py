@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import json
+import os
+import socket
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -26,23 +29,25 @@ def cuts(*looks: Look) -> list[list[str]]:
     return [hearing.deaf_to(look) for look in looks]
 
 
-def test_a_neighbour_that_was_heard_and_is_silent_for_long_is_cut_each_time() -> None:
-    assert cuts(Look(A, NOBODY), *SILENT, *SILENT) == [
-        [],
-        *[[]] * (MOST_SILENCES - 1),
-        ["a"],
-        *[[]] * (MOST_SILENCES - 1),
-        ["a"],
-    ]
+def places_of_cuts(*looks: Look) -> list[int]:
+    return [place for place, found in enumerate(cuts(*looks), start=1) if found]
+
+
+def test_a_neighbour_that_is_silent_for_long_is_cut() -> None:
+    assert cuts(*SILENT) == [*[[]] * (MOST_SILENCES - 1), ["a"]]
+
+
+def test_one_that_stays_silent_is_cut_after_twice_as_many_each_time() -> None:
+    assert places_of_cuts(*SILENT * 10) == [3, 9, 21]
+
+
+def test_one_that_was_heard_since_is_cut_as_soon_as_the_first_time() -> None:
+    assert places_of_cuts(*SILENT, Look(A, NOBODY), *SILENT) == [3, 7]
 
 
 def test_one_answer_in_between_is_enough() -> None:
     nearly = [Look(A, A)] * (MOST_SILENCES - 1)
     assert not any(cuts(*nearly, Look(A, NOBODY), *nearly, Look(A, NOBODY)))
-
-
-def test_a_neighbour_that_was_never_heard_is_cut_once_because_it_may_not_answer_at_all() -> None:
-    assert cuts(*SILENT, *SILENT, *SILENT).count(["a"]) == 1
 
 
 def test_a_neighbour_that_went_meanwhile_begins_anew() -> None:
@@ -109,6 +114,23 @@ def test_linked_routers_hear_each_other_again_after_a_cut() -> None:
         wait_until(lambda: look_for_routers(second) == linked and [link.src for link in second.info.links()] != links)
 
 
+def test_a_cut_opens_no_files_and_touches_no_other_connection(tmp_path: Path) -> None:
+    at = endpoint()
+    one, two = socket.socketpair()
+    with (
+        one,
+        two,
+        (tmp_path / "file").open("wb"),
+        sessions(zenoh_config.router([at]), zenoh_config.client([at])) as (_, client),
+    ):
+        before = set(os.listdir("/proc/self/fd"))
+        for _ in range(50):
+            cut(client, "0")
+        assert len(set(os.listdir("/proc/self/fd")) - before) <= 1
+        one.send(b"x")
+        assert two.recv(1) == b"x"
+
+
 def test_only_the_neighbour_asked_for_is_cut() -> None:
     at = endpoint()
     with sessions(zenoh_config.router([at]), zenoh_config.client([at])) as (router, client):
@@ -139,3 +161,17 @@ def test_a_deaf_connection_is_cut_by_the_session_itself(mode: str, monkeypatch: 
         begun = str(session.info.links()[0].src)
         wait_until(lambda: bool(links := session.info.links()) and str(links[0].src) != begun)
         assert str(session.info.links()[0].zid) == str(router.info.zid())
+
+
+def test_an_error_of_one_look_does_not_end_the_looking(monkeypatch: pytest.MonkeyPatch) -> None:
+    looks = []
+
+    def look(session: Any) -> Look:
+        looks.append(session)
+        raise zenoh.ZError("the connection ended meanwhile")
+
+    monkeypatch.setattr("milepost.runtime.sessions.hearing.LOOKS", {"client": look})
+    monkeypatch.setattr("milepost.runtime.sessions.hearing.EVERY_S", 0.01)
+    at = endpoint()
+    with sessions(zenoh_config.router([at]), zenoh_config.client([at])):
+        wait_until(lambda: len(looks) >= 3)

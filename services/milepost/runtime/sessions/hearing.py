@@ -7,13 +7,14 @@ refuses a second connection of the same session (`MAX_LINKS`).
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import os
 import re
 import socket
+import stat
 import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -26,6 +27,7 @@ EVERY_S, ANSWER_S = 1.0, 1.0
 # a neighbour that stands still is lost by its lease before its second silence; the third is for a busy machine
 MOST_SILENCES = 3
 OPEN_FILES = Path("/proc/self/fd" if Path("/proc/self/fd").is_dir() else "/dev/fd")
+INTERNET = (socket.AF_INET, socket.AF_INET6)
 PORT = re.compile(r":(\d+)(?=$|[?#])")
 
 
@@ -39,24 +41,22 @@ class Look(NamedTuple):
 class Hearing:
     """Which neighbours were silent so often in a row that their connections are to be cut.
 
-    Looks are counted, not seconds: a process that was stopped has not looked. A neighbour that was never heard may be one that
-    does not answer such questions: it is cut once.
+    Looks are counted, not seconds: a process that was stopped has not looked. After each cut twice as many silences are needed,
+    until the neighbour is heard: it may be one that never answers such questions.
     """
 
     def __init__(self) -> None:
         self._silences: dict[str, int] = {}
-        self._heard: set[str] = set()
-        self._cut: set[str] = set()
+        self._most: dict[str, int] = {}
 
     def deaf_to(self, look: Look) -> list[str]:
         """The neighbours whose connections are to be cut after one more look."""
-        self._heard |= look.neighbours - look.silent
+        for heard in look.neighbours - look.silent:
+            self._most.pop(heard, None)
         self._silences = {each: self._silences.get(each, 0) + 1 for each in look.neighbours & look.silent}
-        over = [each for each, times in self._silences.items() if times >= MOST_SILENCES]
-        found = sorted(each for each in over if each in self._heard or each not in self._cut)
+        found = sorted(each for each, times in self._silences.items() if times >= self._most.get(each, MOST_SILENCES))
         for each in found:
-            self._cut.add(each)
-            del self._silences[each]
+            self._most[each] = 2 * self._silences.pop(each)
         return found
 
 
@@ -77,14 +77,14 @@ def look_for_routers(session: Any) -> Look:
 LOOKS: dict[str, Callable[[Any], Look]] = {"client": ask_router, "router": look_for_routers}
 
 
-@contextmanager
+@contextlib.contextmanager
 def hearing_well(session: Any, config: Mapping[str, Any]) -> Iterator[None]:
     """As long as a session is open, look once a second whether its connections bring anything, and cut those that do not.
 
     Whoever made a connection looks after it.
     """
     mode, connects = config.get("mode"), bool(config.get("connect", {}).get("endpoints"))
-    with ExitStack() as stack:
+    with contextlib.ExitStack() as stack:
         if mode == "router":
             stack.callback(session.liveliness().declare_token(router_key(str(session.info.zid()))).undeclare)
         if connects and mode in LOOKS:
@@ -92,19 +92,18 @@ def hearing_well(session: Any, config: Mapping[str, Any]) -> Iterator[None]:
         yield
 
 
-@contextmanager
+@contextlib.contextmanager
 def _watched(session: Any, look: Callable[[Any], Look]) -> Iterator[None]:
     over = threading.Event()
 
     def watch() -> None:
         hearing = Hearing()
         while not over.wait(EVERY_S):
-            try:
+            # a connection that ends in the middle of a question is an error of the question
+            with contextlib.suppress(zenoh.ZError, OSError):
                 for neighbour in hearing.deaf_to(look(session)):
                     log.warning("nothing comes back from router %s: the connection is made anew", neighbour)
                     cut(session, neighbour)
-            except zenoh.ZError:  # the session was closed
-                return
 
     watching = threading.Thread(target=watch, name="hearing", daemon=True)
     watching.start()
@@ -128,12 +127,14 @@ def _open_files() -> Iterable[int]:
 def _shut_down(number: int, ends: set[tuple[int | None, int | None]]) -> bool:
     """Whether an open file is a connection between two of these ports; then it is ended."""
     try:
+        if not stat.S_ISSOCK(os.fstat(number).st_mode):
+            return False
         with socket.socket(fileno=os.dup(number)) as copy:
-            if copy.type != socket.SOCK_STREAM or (copy.getsockname()[1], copy.getpeername()[1]) not in ends:
+            if copy.family not in INTERNET or (copy.getsockname()[1], copy.getpeername()[1]) not in ends:
                 return False
             copy.shutdown(socket.SHUT_RDWR)
             return True
-    except (OSError, IndexError, TypeError):  # closed meanwhile, no socket, not connected, or none with ports
+    except OSError:  # closed meanwhile, or not connected
         return False
 
 
