@@ -19,7 +19,7 @@ from milepost.estimation.layout import Layout
 from milepost.nodes.filter import FilterNode
 from milepost.runtime.calibration_store import WRITE_EVERY_NS, CalibrationStore, calibration_store_for
 from milepost.sensors.odometer.calibration import DAY_NS, Calibration, as_knowledge, from_bytes, to_bytes
-from milepost_schemas import Estimate, Event, SpeedReading
+from milepost_schemas import Estimate, Event, Feedback, Gaussian, SpeedReading
 
 NOW = 1_700_000_000 * 10**9
 KEPT = Calibration("odo", 0.81, 0.0568, 5e-4, NOW - DAY_NS)
@@ -171,6 +171,28 @@ def test_the_stored_calibration_is_the_learned_one() -> None:
     assert (again.unit, again.told_diameter_m, again.saved_at_ns) == ("odo", 0.81, NOW + 400_000_000)
     assert again.scale == pytest.approx(0.0568, abs=2e-3)
     assert 1e-4 < again.scale_std < 8e-4
+
+
+def told(sequence: int, share: float) -> Feedback:
+    """Feedback that agrees with the readings, and gives the unit a share."""
+    at = NOW + sequence * 100_000_000
+    states = ["position_m", "speed_mps", "acceleration_mps2", "odo.scale"]
+    variances = np.diag([1.0, 1e-4, 1e-2, 1e-6])
+    fused = Gaussian(states=states, mean=[2.0 * sequence, 20.0, 0.0, 0.0568], covariance=variances.tolist())
+    stamps = {"sequence": sequence, "measured_at_ns": at, "published_at_ns": at}
+    bounds = {"position_min_m": -9.0, "position_max_m": 9e3, "speed_min_mps": 0.0, "speed_max_mps": 90.0}
+    return Feedback(**head("fuser", **stamps), fused=fused, shares={"odo": share} if share else {}, **bounds)
+
+
+def test_what_a_unit_that_is_out_of_use_learns_is_not_kept() -> None:
+    """A wheel that lies for long learns its lie beside the exclusion: it would begin the next run with it."""
+    warm = node()
+    kept = []
+    for sequence, share in enumerate((0.5, 0.5, 0.0, 0.0, 0.5), start=1):
+        take(warm, sequence)
+        assert list(warm.step(told(sequence, share), NOW + sequence * 100_000_000)) == []
+        kept.append(warm.snapshot() is not None)
+    assert kept == [True, True, False, False, True]
 
 
 # on disk -----------------------------------------------------------------------------------------------------------------

@@ -60,6 +60,7 @@ class FilterNode(Node):
         self._names = local.estimator.layout.names
         self._latest_ns = 0
         self._feedback: Feedback | None = None
+        self._out_of_use = False
         # where the own states stand in feedback, and of which states that was found out
         self._layout_told: list[str] = []
         self._places: list[int] = []
@@ -80,7 +81,12 @@ class FilterNode(Node):
         return self._feedback if procedure == "latest_feedback" else None
 
     def snapshot(self) -> bytes | None:
-        """The calibration to store for the next cold start; None where the sensor has none."""
+        """The calibration to store for the next cold start; None where the sensor has none, or while the unit is not in use.
+
+        What is learned beside an exclusion may be what the unit is excluded for.
+        """
+        if self._out_of_use:
+            return None
         belief = self._estimator.belief_at(self._latest_ns) if self._latest_ns else None
         return None if belief is None else self._sensor.snapshot(Belief(*belief), self._latest_ns)
 
@@ -194,6 +200,7 @@ class FilterNode(Node):
         if self._feedback is not None and epoch <= self._feedback.measured_at_ns:
             self.refusals.add("duplicate" if epoch == self._feedback.measured_at_ns else "superseded")
             return
+        self._out_of_use = share <= 0.0
         # An excluded unit has share 0 and takes no feedback, with two exceptions: the first feedback, to begin from, and
         # feedback to an observer that judges by it, which must see when its readings agree with the fused state again.
         if share <= 0.0 and (self._feedback is None or self._observer is not self._sensor):
