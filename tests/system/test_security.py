@@ -317,3 +317,22 @@ def test_all_certificates_are_replaced_while_the_train_runs(secure: Secure) -> N
     # as for a router that stops, a second of states for each of the two
     assert end - first + 1 - len({epoch for _, epoch in heard}) <= 2 * 50
     secure.goes_on()
+
+
+def test_a_secure_train_comes_back_after_both_routers_stood_still(secure: Secure) -> None:
+    """A router that stood still finds all clients in its queue, who have given up; each takes its TLS listener 0.1 s."""
+    pids = [secure.stack.pid_of("router", *second) for second in ((), ("router-2",))]
+    stood_still = sum("stood still: listening again" in line for line in secure.stack.errors)
+    for number in (signal.SIGSTOP, signal.SIGCONT):
+        for pid in pids:
+            os.kill(pid, number)
+        if number == signal.SIGSTOP:
+            time.sleep(1.2)  # how long they stand still
+
+    def both_listen_again() -> bool:
+        return sum("stood still: listening again" in line for line in secure.stack.errors) == stood_still + 2
+
+    before = secure.dispatch.newest(f"{TOP}/state")["epoch"]
+    secure.dispatch.wait_for(lambda: secure.dispatch.newest(f"{TOP}/state")["epoch"] > before + 50, 15.0, "states again")
+    assert both_listen_again(), "".join(secure.stack.errors[-30:])
+    secure.goes_on()

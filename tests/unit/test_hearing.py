@@ -38,7 +38,12 @@ def test_a_neighbour_that_is_silent_for_long_is_cut() -> None:
 
 
 def test_one_that_stays_silent_is_cut_after_twice_as_many_each_time() -> None:
-    assert places_of_cuts(*SILENT * 10) == [3, 9, 21]
+    assert places_of_cuts(Look(A, NOBODY), *SILENT * 32) == [4, 10, 22, 46, 94]
+
+
+def test_one_that_was_never_heard_is_left_alone_after_three_cuts() -> None:
+    """A router that is not Milepost's shows no token, and its link is a good one."""
+    assert places_of_cuts(*SILENT * 100) == [3, 9, 21]
 
 
 def test_one_that_was_heard_since_is_cut_as_soon_as_the_first_time() -> None:

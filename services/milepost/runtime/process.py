@@ -6,6 +6,7 @@ import logging
 import os
 import queue
 import signal
+import time
 import uuid
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, ExitStack, nullcontext
@@ -43,6 +44,7 @@ from .together.part import (
 from .zenoh_config import Connection
 
 log = logging.getLogger("milepost")
+LOOKS_EVERY_S, STOOD_STILL_S = 0.1, zenoh_config.LEASE_MS / 1e3
 
 
 @dataclass(frozen=True)
@@ -174,21 +176,31 @@ def run_router(
         reading = zenoh_in_log() if attend is None else nullcontext()
         with reading, open_session(config, zenoh_log) as session, (attend or nullcontext)(session):
             log.info("listening on %s", ", ".join(config.get("listen", {}).get("endpoints", [])))
-            if not _until_renewed(certificate, inbox, parent):
+            why = _why_anew(certificate, inbox, parent)
+            if why is None:
                 return
-        # Zenoh reads what it shows to those that connect only once
-        log.info("there is a new certificate: listening again")
+        log.info("%s: listening again", why)
 
 
-def _until_renewed(certificate: Path | None, inbox: Inbox, parent: int | None) -> bool:
-    """Wait until a file is another one; False if the router is to end before that."""
+def _why_anew(certificate: Path | None, inbox: Inbox, parent: int | None) -> str | None:
+    """Wait until a router has to listen anew, and why; None if it is to end before that.
+
+    Zenoh reads the certificate that it shows only once. Its TLS listener takes one connection after the other, and sleeps 0.1 s
+    after each that was given up meanwhile: while a router stands still all clients come, give up, and come again, faster than
+    that. Whoever was connected is no longer: the lease is over.
+    """
     before = certificate.stat().st_mtime_ns if certificate is not None else 0
     while parent is None or os.getppid() == parent:
+        asleep = time.monotonic()
         try:
-            take(inbox, 1.0)
+            take(inbox, LOOKS_EVERY_S)
         except queue.Empty:
-            if certificate is not None and certificate.stat().st_mtime_ns != before:
-                return True
+            if certificate is None:
+                continue
+            if certificate.stat().st_mtime_ns != before:
+                return "there is a new certificate"
+            if time.monotonic() - asleep > LOOKS_EVERY_S + STOOD_STILL_S:
+                return "this router stood still"
         else:
-            return False
-    return False
+            return None
+    return None

@@ -25,7 +25,7 @@ from milepost_schemas import HEARING_KEY, router_key
 log = logging.getLogger("milepost")
 EVERY_S, ANSWER_S = 1.0, 1.0
 # a neighbour that stands still is lost by its lease before its second silence; the third is for a busy machine
-MOST_SILENCES = 3
+MOST_SILENCES, MOST_CUTS = 3, 3
 OPEN_FILES = Path("/proc/self/fd" if Path("/proc/self/fd").is_dir() else "/dev/fd")
 INTERNET = (socket.AF_INET, socket.AF_INET6)
 PORT = re.compile(r":(\d+)(?=$|[?#])")
@@ -42,22 +42,29 @@ class Hearing:
     """Which neighbours were silent so often in a row that their connections are to be cut.
 
     Looks are counted, not seconds: a process that was stopped has not looked. After each cut twice as many silences are needed,
-    until the neighbour is heard: it may be one that never answers such questions.
+    until the neighbour is heard. One that was never heard is left alone after `MOST_CUTS`: it does not answer such questions.
     """
 
     def __init__(self) -> None:
         self._silences: dict[str, int] = {}
-        self._most: dict[str, int] = {}
+        self._cuts: dict[str, int] = {}
+        self._heard: set[str] = set()
 
     def deaf_to(self, look: Look) -> list[str]:
         """The neighbours whose connections are to be cut after one more look."""
-        for heard in look.neighbours - look.silent:
-            self._most.pop(heard, None)
+        heard = look.neighbours - look.silent
+        self._heard |= heard
+        self._cuts = {each: times for each, times in self._cuts.items() if each not in heard}
         self._silences = {each: self._silences.get(each, 0) + 1 for each in look.neighbours & look.silent}
-        found = sorted(each for each, times in self._silences.items() if times >= self._most.get(each, MOST_SILENCES))
+        found = sorted(each for each in self._silences if self._is_deaf(each))
         for each in found:
-            self._most[each] = 2 * self._silences.pop(each)
+            del self._silences[each]
+            self._cuts[each] = self._cuts.get(each, 0) + 1
         return found
+
+    def _is_deaf(self, neighbour: str) -> bool:
+        cuts = self._cuts.get(neighbour, 0)
+        return self._silences[neighbour] >= MOST_SILENCES * 2**cuts and (neighbour in self._heard or cuts < MOST_CUTS)
 
 
 def ask_router(session: Any) -> Look:
