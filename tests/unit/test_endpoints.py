@@ -26,6 +26,13 @@ def test_anything_else_is_one_line(given: str) -> None:
         endpoints([ENDPOINTS[0], given])
 
 
+def test_a_router_that_is_to_link_itself_with_nothing_says_so() -> None:
+    command = [sys.executable, "-m", "milepost", "run", "router", "--link", "nonsense"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr == "milepost: --link: 'nonsense' is not an endpoint such as tcp/127.0.0.1:7447\n"
+
+
 def test_a_command_says_so_instead_of_looking_for_a_router_there() -> None:
     command = [sys.executable, "-m", "milepost", "status", "--connect", "garbage"]
     done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)

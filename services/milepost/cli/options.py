@@ -55,8 +55,7 @@ def complete_campaign(incomplete: str) -> list[str]:
     return _complete("campaigns", incomplete)
 
 
-def endpoints(given: list[str] | None) -> list[str] | None:
-    """Endpoints as they are given. Raises ConfigError for what is none: to look for a router there would end in `no router`."""
+def _are_endpoints(option: str, given: list[str] | None) -> list[str] | None:
     for each in given or ():
         protocol, _, address = each.partition("/")
         port = re.match(r".+:(\d+)", address)
@@ -64,8 +63,18 @@ def endpoints(given: list[str] | None) -> list[str] | None:
             port is not None and int(port[1]) <= LAST_PORT if protocol in WITH_PORT else address and protocol in WITHOUT_PORT
         )
         if not whole:
-            raise ConfigError("--connect", "", f"{each!r} is not an endpoint such as {DEFAULT_ENDPOINT}")
+            raise ConfigError(option, "", f"{each!r} is not an endpoint such as {DEFAULT_ENDPOINT}")
     return given
+
+
+def endpoints(given: list[str] | None) -> list[str] | None:
+    """Endpoints as they are given. Raises ConfigError for what is none: to look for a router there would end in `no router`."""
+    return _are_endpoints("--connect", given)
+
+
+def links(given: list[str] | None) -> list[str] | None:
+    """The same of the endpoints of other routers."""
+    return _are_endpoints("--link", given)
 
 
 TrainOption = Annotated[

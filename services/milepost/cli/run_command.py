@@ -20,6 +20,7 @@ from .options import (
     StateDirOption,
     TrainOption,
     ZenohConfigOption,
+    links,
 )
 
 
@@ -33,7 +34,9 @@ def run(
     connect: ConnectOption = [DEFAULT_ENDPOINT],  # noqa: B006
     zenoh_config: ZenohConfigOption = None,
     listen: Annotated[list[str], typer.Option("--listen", help="Router only: endpoints to listen on.")] = [DEFAULT_ENDPOINT],  # noqa: B006
-    link: Annotated[list[str], typer.Option("--link", help="Router only: endpoint of another router to link with.")] = [],  # noqa: B006
+    link: Annotated[
+        list[str], typer.Option("--link", callback=links, help="Router only: endpoint of another router to link with.")
+    ] = [],  # noqa: B006
     config: Annotated[Path | None, typer.Option("--config", help="Router only: Zenoh configuration file to use.")] = None,
     speed: Annotated[
         float, typer.Option("--speed", min=0.01, max=1000.0, help="World only: scenario seconds per second of real time.")
