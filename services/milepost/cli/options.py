@@ -55,7 +55,7 @@ def complete_campaign(incomplete: str) -> list[str]:
     return _complete("campaigns", incomplete)
 
 
-def _are_endpoints(option: str, given: list[str] | None) -> list[str] | None:
+def _checked_endpoints(option: str, given: list[str] | None) -> list[str] | None:
     for each in given or ():
         protocol, _, address = each.partition("/")
         port = re.match(r".+:(\d+)", address)
@@ -69,12 +69,12 @@ def _are_endpoints(option: str, given: list[str] | None) -> list[str] | None:
 
 def endpoints(given: list[str] | None) -> list[str] | None:
     """Endpoints as they are given. Raises ConfigError for what is none: to look for a router there would end in `no router`."""
-    return _are_endpoints("--connect", given)
+    return _checked_endpoints("--connect", given)
 
 
 def links(given: list[str] | None) -> list[str] | None:
     """The same of the endpoints of other routers."""
-    return _are_endpoints("--link", given)
+    return _checked_endpoints("--link", given)
 
 
 TrainOption = Annotated[

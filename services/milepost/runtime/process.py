@@ -44,6 +44,7 @@ from .together.part import (
 from .zenoh_config import Connection
 
 log = logging.getLogger("milepost")
+# a router with a certificate looks so often whether it stood still: for a lease, after which it has lost all its clients
 LOOKS_EVERY_S, STOOD_STILL_S = 0.1, zenoh_config.LEASE_MS / 1e3
 
 

@@ -145,6 +145,7 @@ class Screen:
         table = Table(box=None, padding=(0, 2))
         for column in ("sensor", "rate", "age", "share", "refused", "late", ""):
             table.add_column(column, justify="left" if column in ("sensor", "") else "right")
+        wrong = state.said_wrong
         shown: list[tuple[str, str, str, str]] = [
             (s.unit, f"{s.age_s * 1e3:.0f} ms", f"{s.share:.2f}", "") for s in state.sensors
         ]
@@ -155,9 +156,7 @@ class Screen:
             refused = str(sum(health.refused.values())) if health else ""
             late = str(health.rewinds) if health else ""
             remark = reason or ("doubted" if unit in state.doubted else "awaited" if unit in state.awaiting else "")
-            table.add_row(
-                unit, rate, age, share, refused, late, Text(remark, style="red" if unit in state.said_wrong else "yellow")
-            )
+            table.add_row(unit, rate, age, share, refused, late, Text(remark, style="red" if unit in wrong else "yellow"))
         return table
 
 
