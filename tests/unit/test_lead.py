@@ -228,6 +228,17 @@ def test_a_leader_that_was_stopped_for_long_and_is_alone_speaks_after_two_second
     assert [old.takes_over(t * MS) for t in (3000, 4999, 5000)] == [False, False, True]
 
 
+def test_a_leader_that_was_stopped_for_long_does_not_count_the_stop_as_time_to_connect() -> None:
+    """Its time follows what was waiting at first, and leaps with the first reading over a new connection, before any token."""
+    old = leading("fuser")
+    old.awake(1010 * MS, 2200 * MS)
+    old.alive("fuser-2", False)
+    old.awake(3260 * MS, 50 * MS)
+    assert not old.takes_over(3260 * MS)
+    old.alive("fuser-2", True)
+    assert [old.takes_over(t * MS) for t in (3270, 3769, 3770)] == [False, False, True]
+
+
 def test_a_leader_that_is_late_with_an_epoch_gives_way() -> None:
     slow = leading("fuser")
     slow.publishes(1000 * MS, 1075 * MS)

@@ -94,7 +94,10 @@ class Lead:
         elif now_ns - self._awake_ns > self._held_up_ns:
             # it does not know yet what was said meanwhile
             self._heard_ns = max(self._heard_ns or 0, now_ns)
-        self._awake_ns = now_ns
+        leapt_ns, self._awake_ns = now_ns - self._awake_ns - stopped_ns, now_ns
+        if self._deaf_until_ns and leapt_ns > 0:
+            # the time has caught up with the stop: nothing was heard in what it left out
+            self._deaf_until_ns += leapt_ns
         if stopped_ns > LEASE_NS:
             self.leads = self._unopposed = self._connected_again = False
             self._heard_ns, self._deaf_until_ns = now_ns, now_ns + RECONNECTS_NS
