@@ -113,6 +113,13 @@ def test_the_page_needs_no_other_file_and_maps_every_cell(results, reported):
     assert page.count('<td class="') == 2
 
 
+def test_the_maps_are_there_as_markdown(reported):
+    lines = (reported[1] / "maps.md").read_text(encoding="utf-8").splitlines()
+    assert lines[:4] == ["### maglev", "", "|  | radar | loop |", "| --- | --- | --- |"]
+    assert lines[4].startswith("| bias +5 m/s | ")
+    assert lines[5] == "| silent for 2 s |  | ✓ 1 s |"
+
+
 def test_a_fault_that_had_nothing_to_act_on_is_not_called_unfound(tmp_path):
     """WHEN a reader lies only about a balise that the train never comes to, THEN that is said in its own word, and no share."""
     faults = [
