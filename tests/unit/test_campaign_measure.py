@@ -116,6 +116,21 @@ def test_innocents_are_counted_with_their_reasons() -> None:
     assert figures["wrongly_excluded"] == {"loop": {"epochs": 3, "reasons": ["why"]}}
 
 
+def test_a_wheel_that_is_excluded_while_it_slips_is_not_wrongly_excluded() -> None:
+    """Its exclusion counts for as long as it lasts, also from before the onset on; one that begins on a dry rail does not."""
+    out = {"excluded": ["loop"]}
+    run = watch(
+        *[0.0] * 12, states={1: out, 2: out, 3: out, 5: out, 7: out, 8: out, 10: {"excluded": ["loop", "balise-reader"]}}
+    )
+    # epochs every half second: it slips at 0.5 s and at 3.5 s
+    figures = measure(run, [LIAR], 0.0, UNITS, lambda unit, t_s: unit == "loop" and t_s in (0.5, 3.5))
+    assert figures["wrongly_excluded"] == {
+        "balise-reader": {"epochs": 1, "reasons": ["why"]},
+        "loop": {"epochs": 2, "reasons": ["why"]},
+    }
+    assert (figures["wrongly_excluded_epochs"], figures["wrong_exclusions"], figures["innocent_epochs"]) == (3, 3, 20)
+
+
 def test_a_liar_has_recovered_when_it_is_in_use_for_a_second() -> None:
     out = {"excluded": ["radar"]}
     run = watch(*[0.0] * 10, states={3: out, 4: out, 6: out})

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -15,6 +15,8 @@ from milepost.checks.requirements import subset_041_position
 
 from .watch import Said, Seen, Watch
 
+# whether a unit is a wheel that slips at a scenario time
+Slips = Callable[[str, float], bool]
 MOST_REASONS = 5
 # a unit is back when it has been in use for so long
 IN_USE_S = 1.0
@@ -63,8 +65,18 @@ class Epoch(NamedTuple):
         return {unit for unit, _ in self.state.excluded}
 
 
-def measure(watch: Watch, spells: Sequence[Spell], onset_s: float, units: Sequence[str]) -> dict[str, Any]:
-    """All figures of a run; those of an epoch count from the first onset on (`onset_s` where there is no fault)."""
+def grips(unit: str, t_s: float) -> bool:  # noqa: ARG001
+    """No wheel slips."""
+    return False
+
+
+def measure(
+    watch: Watch, spells: Sequence[Spell], onset_s: float, units: Sequence[str], slips: Slips = grips
+) -> dict[str, Any]:
+    """All figures of a run; those of an epoch count from the first onset on (`onset_s` where there is no fault).
+
+    `slips`: whether a unit is a wheel that slips at a scenario time.
+    """
     onset_s = min((spell.from_s for spell in spells), default=onset_s)
     end_s = max((spell.to_s for spell in spells), default=math.inf)
     epochs = [Epoch(t, watch.states[t], *truth) for t, truth in sorted(watch.truth.items()) if t in watch.states]
@@ -81,7 +93,8 @@ def measure(watch: Watch, spells: Sequence[Spell], onset_s: float, units: Sequen
     figures |= _interval(after)
     figures |= _errors([e for e in after if e.t_s < end_s], "during") | _errors([e for e in after if e.t_s >= end_s], "after")
     figures |= _detection(after, [_acting(spell, watch.telegrams) for spell in spells if spell.acts], watch.said)
-    figures |= _innocents(after, sorted(set(units) - {spell.unit for spell in spells}))
+    excused = _excused(epochs, slips)
+    figures |= _innocents(after, sorted(set(units) - {spell.unit for spell in spells}), excused)
     figures |= _recovery(after, [spell for spell in spells if not math.isinf(spell.to_s)])
     resets = [e.state.reset_m for e in after if e.state.reset_m is not None]
     figures |= {"resets": len(resets), "reset_max_m": max(resets, default=None)}
@@ -181,14 +194,25 @@ def _largest(times: Sequence[float | None]) -> float | None:
     return max(found) if found and len(found) == len(times) else None
 
 
-def _innocents(epochs: Sequence[Epoch], innocents: Sequence[str]) -> dict[str, Any]:
+def _excused(epochs: Sequence[Epoch], slips: Slips) -> set[tuple[float, str]]:
+    """The epochs of exclusions that began while the wheel slipped: it was not the train's speed that it told."""
+    out: set[tuple[float, str]] = set()
+    previous: dict[str, bool] = {}
+    for epoch in epochs:
+        previous = {unit: previous[unit] if unit in previous else slips(unit, epoch.t_s) for unit in epoch.excluded}
+        out |= {(epoch.t_s, unit) for unit, slipped in previous.items() if slipped}
+    return out
+
+
+def _innocents(epochs: Sequence[Epoch], innocents: Sequence[str], excused: set[tuple[float, str]]) -> dict[str, Any]:
     """Exclusions of units without a fault that are heard: epochs, how often one began, and which units with which reasons."""
     counted: dict[str, dict[str, Any]] = {}
     previous: set[str] = set()
     begun = 0
     for epoch in epochs:
         state = epoch.state
-        now = {unit: reason for unit, reason in state.excluded if unit in innocents and unit not in state.unheard}
+        heard = [(unit, reason) for unit, reason in state.excluded if unit in innocents and unit not in state.unheard]
+        now = {unit: reason for unit, reason in heard if (epoch.t_s, unit) not in excused}
         begun += len(now.keys() - previous)
         previous = set(now)
         for unit, reason in now.items():

@@ -15,7 +15,7 @@ from milepost.offline.run import simulate
 from milepost.simulation.faults import FaultEntry
 
 from .fingerprint import code_fingerprint, digest, train_fingerprint
-from .measure import Spell, measure
+from .measure import Slips, Spell, grips, measure
 from .watch import Watch
 
 Figures = dict[str, Any]
@@ -84,7 +84,14 @@ def run_task(task: Task, progress: Callable[[float], None]) -> Figures:
     except Exception as error:  # a fault that stops a node is a result, not the end of the campaign
         return {"crashed": " ".join(f"{type(error).__name__}: {error}".split())}
     spells = [Spell(entry.unit, entry.from_s, entry.to_s, _acts(entry, train, watch)) for entry in entries]
-    return measure(watch, spells, task.onset_s, list(train.sensors))
+    return measure(watch, spells, task.onset_s, list(train.sensors), _slips(train, task.duration_s))
+
+
+def _slips(train: Train, duration_s: float) -> Slips:
+    """Which wheels slip when, where the train is simulated."""
+    creep = train.world(duration_s).creep if train.file.world is not None else None
+    wheels = {unit for unit, sensor in train.sensors.items() if sensor.slip_probability > 0.0}
+    return grips if creep is None else lambda unit, t_s: unit in wheels and creep.at(unit, t_s) != 0.0
 
 
 def _acts(entry: FaultEntry, train: Train, watch: Watch) -> bool:

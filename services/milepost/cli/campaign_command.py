@@ -29,7 +29,8 @@ def campaign(
     report: Annotated[
         Path | None,
         typer.Option(
-            "--report", help="Write index.html, maps.md and results.json to this folder; keep finished runs there, to go on from."
+            "--report",
+            help="Write index.html, maps.md and results.json to this folder; keep finished runs there to go on from.",
         ),
     ] = None,
     resume: Annotated[
