@@ -46,6 +46,8 @@ from .zenoh_config import Connection
 log = logging.getLogger("milepost")
 # a router with a certificate looks so often whether it stood still: for a lease, after which it has lost all its clients
 LOOKS_EVERY_S, STOOD_STILL_S = 0.1, zenoh_config.LEASE_MS / 1e3
+# any other looks so often whether its parent is still there
+PARENT_EVERY_S = 1.0
 
 
 @dataclass(frozen=True)
@@ -194,7 +196,7 @@ def _why_anew(certificate: Path | None, inbox: Inbox, parent: int | None) -> str
     while parent is None or os.getppid() == parent:
         asleep = time.monotonic()
         try:
-            take(inbox, LOOKS_EVERY_S)
+            take(inbox, PARENT_EVERY_S if certificate is None else LOOKS_EVERY_S)
         except queue.Empty:
             if certificate is None:
                 continue
