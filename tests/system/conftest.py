@@ -84,6 +84,11 @@ class Outside:
         heard = self.heard.get(key)
         return heard[-1][1] if heard else {}
 
+    def there(self, key: str) -> dict:
+        """The last message on a key, once there is one: on a busy machine a process may be late with its first."""
+        self.wait_for(lambda: key in self.heard, 20.0, f"a message on {key}")
+        return self.newest(key)
+
     def wait_for(self, what: Callable[[], object], timeout_s: float, why: str) -> object:
         """Wait until `what()` is true; what came is looked at whenever something comes."""
         found: object = self.news.wait_for(what, timeout_s, why)

@@ -45,7 +45,7 @@ def test_a_flood_of_one_key_takes_no_state(full, key: str, kind: str, refusing: 
     stack, outside = full
     outside.wait_state(STATE, lambda m: m["status"] == "normal", 20.0, "a normal state")
     health = f"{TOP}/health/{refusing}"
-    refused_before = outside.newest(health)["refused"].get(reason, 0)
+    refused_before = outside.there(health)["refused"].get(reason, 0)
     begun = len(outside.heard[STATE])
     command = [sys.executable, str(Path(__file__).with_name("flood.py")), stack.endpoint, f"{TOP}/{key}", str(RATE_HZ)]
     done = subprocess.run([*command, str(FLOODED_S), kind], capture_output=True, text=True, timeout=60, check=True)
@@ -69,7 +69,7 @@ def test_a_flood_of_one_key_takes_no_state(full, key: str, kind: str, refusing: 
 def test_the_router_drops_what_is_larger_than_its_stream_allows(full) -> None:
     _, outside = full
     health = f"{TOP}/health/filter-loop"
-    begun = outside.newest(health)["sequence"]
+    begun = outside.there(health)["sequence"]
     for _ in range(100):
         outside.session.put(f"{TOP}/reading/loop", b"\xc1" * 5000)
     outside.session.put(f"{TOP}/reading/loop", b"\xc1" * 4000)

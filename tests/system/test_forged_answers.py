@@ -49,7 +49,7 @@ def forged(outside: Outside, key: str, answer: Callable[[], bytes]) -> Iterator[
 def test_a_forged_state_with_the_newest_stamp_moves_no_restarted_fuser(maglev: tuple[Stack, Outside], name: str) -> None:
     stack, outside = maglev
     outside.wait_state(STATE, lambda m: m["status"] == "normal", 20.0, "a normal state")
-    lie = dict(outside.newest(f"{TOP}/feedback"))
+    lie = dict(outside.there(f"{TOP}/feedback"))
     size = len(lie["fused"]["mean"])
     lie["fused"]["mean"] = [lie["fused"]["mean"][0] + 1000.0, 1.0, *lie["fused"]["mean"][2:]]
     lie["fused"]["covariance"] = [[1e-4 * (i == k) for k in range(size)] for i in range(size)]
@@ -80,7 +80,7 @@ def test_a_forged_start_of_scenario_time_moves_no_restarted_sensor(maglev: tuple
     told = msgpack.unpackb(reply.ok.payload.to_bytes())
     lie = msgpack.packb({**told, "start_ns": told["start_ns"] - 60_000_000_000})
     with forged(outside, f"{TOP}/@sim/start", lambda: lie) as asked:
-        old = outside.newest(reading)["instance"]
+        old = outside.there(reading)["instance"]
         os.kill(stack.pid_of("sensor", "radar"), signal.SIGKILL)
         outside.wait_for(lambda: outside.newest(reading)["instance"] != old, 20.0, "a reading of the new sensor")
         outside.wait_state(STATE, lambda m: m["status"] == "normal", 20.0, "normal again")

@@ -52,7 +52,7 @@ def recording(endpoint: str, folder: Path, *options: str) -> Iterator[tuple[subp
     command = [sys.executable, "-m", "milepost", "run", "recorder", "--record", str(folder), "--connect", endpoint, *options]
     recorder = subprocess.Popen([*command, "--parent", str(os.getpid())], stderr=subprocess.PIPE, text=True)
     try:
-        outside.wait_for(lambda: outside.newest(f"{TOP}/health/recorder"), 20.0, "a recorder")
+        outside.there(f"{TOP}/health/recorder")
         yield recorder, outside
     finally:
         outside.close()
@@ -168,7 +168,7 @@ def test_a_disk_that_takes_no_more_ends_a_file_and_not_the_recorder(router: str,
     words = ("milepost", "run", "recorder", "--record", str(tmp_path), "--connect", router)
     recorder = subprocess.Popen([sys.executable, "-c", LIMITED, *words[1:]], stderr=subprocess.DEVNULL)
     try:
-        outside.wait_for(lambda: outside.newest(f"{TOP}/health/recorder"), 20.0, "a recorder")
+        outside.there(f"{TOP}/health/recorder")
 
         def codes() -> list[str]:
             for _ in range(20):
@@ -396,9 +396,9 @@ def test_a_recorder_that_was_killed_is_restarted_and_the_folder_is_one_recording
     stack, outside = start("maglev", "--listen", f"tcp/127.0.0.1:{free_port()}", "--record", str(folder))
     try:
         outside.wait_state("milepost/v1/maglev-1/state", lambda m: m["status"] == "normal", 60.0, "a normal state")
-        first = outside.newest("milepost/v1/maglev-1/health/recorder")["instance"]
-        os.kill(stack.pid_of("recorder"), signal.SIGKILL)
         health = "milepost/v1/maglev-1/health/recorder"
+        first = outside.there(health)["instance"]
+        os.kill(stack.pid_of("recorder"), signal.SIGKILL)
         outside.wait_for(lambda: outside.newest(health)["instance"] != first, 20.0, "another recorder")
         outside.wait_for(
             lambda: len([m for m in outside.messages(health) if m["instance"] != first]) > 2, 20.0, "three seconds"

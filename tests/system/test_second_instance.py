@@ -72,7 +72,7 @@ def test_a_restart_after_a_kill_is_no_second_instance(maglev) -> None:
     before = len(events(outside, "second_instance"))
     for words in (("filter", "loop"), ("fuser",)):
         key = f"{TOP}/health/{'-'.join(words)}"
-        old = outside.newest(key)["instance"]
+        old = outside.there(key)["instance"]
         os.kill(stack.pid_of(*words), signal.SIGKILL)
         outside.wait_for(lambda key=key, old=old: outside.newest(key)["instance"] != old, 20.0, "the successor's health")
     begun = len(outside.messages(f"{TOP}/health/fuser"))

@@ -283,7 +283,7 @@ def test_processes_that_were_killed_come_back_with_all_that_they_need(secure: Se
     known = secure.refused()
     for words in (("filter", "imu"), ("fuser",), ("world",)):
         key = f"{TOP}/health/{'-'.join(words)}"
-        old = secure.dispatch.newest(key)["instance"]
+        old = secure.dispatch.there(key)["instance"]
         os.kill(secure.stack.pid_of(*words), signal.SIGKILL)
         secure.dispatch.wait_for(lambda key=key, old=old: secure.dispatch.newest(key)["instance"] != old, 20.0, "a successor")
     truth = f"{TOP}/@sim/truth"

@@ -121,7 +121,7 @@ def test_everybody_goes_on_with_the_other_router(full, how: str, longest_s: floa
 def test_a_world_that_is_killed_comes_back_and_the_truth_goes_on(full) -> None:
     stack, outside = full
     truth = "milepost/v1/full-1/@sim/truth"
-    old, begun = outside.newest(truth), len(outside.messages(STATE))
+    old, begun = outside.there(truth), len(outside.messages(STATE))
     os.kill(stack.pid_of("world"), signal.SIGKILL)
     outside.wait_for(lambda: outside.newest(truth)["instance"] != old["instance"], 20.0, "the truth of another world")
     first = next(m for m in outside.messages(truth) if m["instance"] != old["instance"])

@@ -58,11 +58,11 @@ def test_status_finds_it_normal(together: tuple[Stack, Outside]) -> None:
 def test_nothing_is_lost_refused_or_heard_twice_inside(together: tuple[Stack, Outside]) -> None:
     """Every node hears each message of the others once, in order, though all of them speak on one session."""
     _, outside = together
-    fuser = outside.wait_for(lambda: outside.newest(f"{TOP}/health/fuser"), 10.0, "the fuser's health")
+    fuser = outside.there(f"{TOP}/health/fuser")
     assert (fuser["gaps"], fuser["refused"]) == (0, {})
     for unit in ("odometer-front", "radar"):
         # a filter reads only the newest feedback, so it has gaps
-        assert outside.newest(f"{TOP}/health/filter-{unit}")["refused"] == {}
+        assert outside.there(f"{TOP}/health/filter-{unit}")["refused"] == {}
         numbers = [m["sequence"] for m in outside.messages(f"{TOP}/estimate/{unit}")]
         assert numbers == sorted(set(numbers))
 
