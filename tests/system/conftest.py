@@ -86,7 +86,7 @@ class Outside:
 
     def there(self, key: str) -> dict:
         """The last message on a key, once there is one: on a busy machine a process may be late with its first."""
-        self.wait_for(lambda: key in self.heard, 20.0, f"a message on {key}")
+        self.wait_for(lambda: self.heard.get(key), 20.0, f"a message on {key}")
         return self.newest(key)
 
     def wait_for(self, what: Callable[[], object], timeout_s: float, why: str) -> object:
