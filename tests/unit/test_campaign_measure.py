@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 
 from milepost.campaign.aggregate import aggregate, quantile, violated
 from milepost.campaign.cells import Cell
-from milepost.campaign.measure import Spell, measure
+from milepost.campaign.epoch import Spell
+from milepost.campaign.measure import measure
 from milepost.campaign.task import Task
 from milepost.campaign.watch import Said, Seen, Watch
 
@@ -89,6 +90,21 @@ def test_detection_is_the_first_exclusion_since_the_onset() -> None:
     run = watch(*[0.0] * 8, states={4: {"excluded": ["radar"]}, 5: {"excluded": ["radar"]}})
     assert measure(run, [LIAR], 0.0, UNITS)["time_to_detect_s"] == 1.0
     assert measure(run, [LIAR, Spell("loop", 1.0, 2.0)], 0.0, UNITS)["time_to_detect_s"] is None
+
+
+def test_a_liar_that_is_in_use_again_while_it_lies_is_counted() -> None:
+    """From its first exclusion to the end of its fault; what it does after that, and before it was found, is something else."""
+    out = {"excluded": ["radar"]}
+    run = watch(*[0.0] * 10, states={4: out, 6: out})
+    #                          found at 2 s, in use again at 2.5, 3.5 and 4 s
+    figures = measure(run, [LIAR._replace(to_s=4.25)], 0.0, UNITS)
+    assert (figures["found_epochs"], figures["used_again_epochs"]) == (5, 3)
+    cell = aggregate(
+        Cell("maglev", ("radar",), "bias", (task(1), task(2))), [figures, measure(watch(*[0.0] * 10), [LIAR], 0.0, UNITS)]
+    )
+    assert cell["used_again_percent"] == 60.0
+    never = aggregate(Cell("maglev", ("radar",), "bias", (task(1),)), [measure(watch(*[0.0] * 10), [LIAR], 0.0, UNITS)])
+    assert never["used_again_percent"] is None
 
 
 def test_a_liar_that_is_doubted_is_not_yet_detected() -> None:

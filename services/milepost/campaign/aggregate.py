@@ -104,6 +104,7 @@ def _detection(runs: Sequence[Figures]) -> dict[str, Any]:
         times = [run[f"{key}_s"] for run in lying]
         out[f"{word}_percent"] = percent(sum(time is not None for time in times), len(lying))
         out |= {f"{key}_p50_s": quantile(times, 0.5), f"{key}_p95_s": quantile(times, 0.95)}
+    out["used_again_percent"] = percent(_total(runs, "used_again_epochs"), _total(runs, "found_epochs"))
     return out
 
 

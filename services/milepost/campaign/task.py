@@ -14,8 +14,10 @@ from milepost.offline.process_pool import Cancelled
 from milepost.offline.run import simulate
 from milepost.simulation.faults import FaultEntry
 
+from .epoch import Spell
+from .exclusions import Slips, grips
 from .fingerprint import code_fingerprint, digest, train_fingerprint
-from .measure import Slips, Spell, grips, measure
+from .measure import measure
 from .watch import Watch
 
 Figures = dict[str, Any]

@@ -7,7 +7,8 @@ from typing import Any
 from .campaign import Campaign
 
 HEADINGS = (
-    "train", "units", "fault", "runs", "outside", "outside %", "normal %", "detected %", "detect s, p50", "p95", "innocents %",
+    "train", "units", "fault", "runs", "outside", "outside %", "normal %", "detected %", "detect s, p50", "p95", "used again %",
+    "innocents %",
     "exclusions/h", "error m", "after m", "half-width m", "largest m", "recover s", "SUBSET-041 %",
 )  # fmt: skip
 
@@ -38,6 +39,7 @@ def row_cells(cell: dict[str, Any]) -> tuple[str, ...]:
                 "detected_percent",
                 "time_to_detect_p50_s",
                 "time_to_detect_p95_s",
+                "used_again_percent",
                 "wrongly_excluded_percent",
                 "wrong_exclusions_per_h",
                 "position_error_during_max_m",
