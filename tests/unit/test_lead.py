@@ -239,6 +239,31 @@ def test_a_leader_that_was_stopped_for_long_does_not_count_the_stop_as_time_to_c
     assert [old.takes_over(t * MS) for t in (3270, 3769, 3770)] == [False, False, True]
 
 
+def test_a_state_that_lay_in_its_queue_does_not_tell_a_stopped_leader_that_it_is_connected() -> None:
+    """Its time follows what was waiting, so that what another one said meanwhile looks new, until the tokens are there."""
+    old = leading("fuser")
+    old.awake(1270 * MS, 2100 * MS)
+    old.spoke(state("fuser-2", 1260), 2, 1270 * MS)
+    old.alive("fuser-2", False)
+    assert not old.takes_over(1280 * MS)
+    old.awake(3180 * MS, 20 * MS)
+    assert not old.takes_over(3180 * MS)
+    old.alive("fuser-2", True)
+    old.spoke(state("fuser-2", 3180), 2, 3190 * MS)
+    assert [old.takes_over(t * MS) for t in (3264, 3265)] == [False, True], "now it waits no longer than another one"
+
+
+def test_one_that_kept_its_connection_through_a_stop_gives_way_as_ever() -> None:
+    """No token comes where none had gone."""
+    second = leading("fuser-2")
+    second.awake(1600 * MS, 600 * MS)
+    for t in range(1600, 3600, 20):
+        second.awake(t * MS, 20 * MS)
+    assert second.takes_over(3600 * MS), "nobody spoke"
+    second.spoke(state("fuser", 3600), 2, 3610 * MS)
+    assert not second.leads
+
+
 def test_a_leader_that_is_late_with_an_epoch_gives_way() -> None:
     slow = leading("fuser")
     slow.publishes(1000 * MS, 1075 * MS)
