@@ -55,8 +55,8 @@ class Lead:
         self._awake_ns = 0
         self._deaf_until_ns = 0
         self._connected_again = False
-        # whether a token has come since it was stopped for so long
-        self._reconnected = False
+        # by how much its time was left behind by a stop
+        self._behind_ns = 0
 
     def alive(self, unit: str, alive: bool) -> None:
         """A process's token appeared or went."""
@@ -65,7 +65,7 @@ class Lead:
         (self._others.add if alive else self._others.discard)(unit)
         self._left_alone = not self._others
         if alive and self._deaf_until_ns:
-            self._connected_again = self._reconnected = True
+            self._connected_again = True
 
     def spoke(self, other: FusedState, units: int, now_ns: int) -> None:
         """Another replica has published a state; this one has so many units in use."""
@@ -75,8 +75,8 @@ class Lead:
             return
         if now_ns - other.measured_at_ns > self.late_ns:
             return
-        if now_ns < self._deaf_until_ns and not self._reconnected:
-            # it lay in the queue, which this replica's time may follow
+        if now_ns < self._deaf_until_ns and self._behind_ns > self.late_ns:
+            # it lay in the queue, which this replica's time follows
             return
         self._deaf_until_ns, self._connected_again = 0, False
         if other.unit in self._rank:
@@ -103,8 +103,10 @@ class Lead:
         if self._deaf_until_ns and leapt_ns > 0:
             # the time has caught up with the stop: nothing was heard in what it left out
             self._deaf_until_ns += leapt_ns
+            self._behind_ns -= leapt_ns
         if stopped_ns > LEASE_NS:
-            self.leads = self._unopposed = self._connected_again = self._reconnected = False
+            self.leads = self._unopposed = self._connected_again = False
+            self._behind_ns = -leapt_ns
             self._heard_ns, self._deaf_until_ns = now_ns, now_ns + RECONNECTS_NS
             if self._spoken_ns is not None:
                 self._spoken_ns += stopped_ns - LEASE_NS
