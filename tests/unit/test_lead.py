@@ -240,7 +240,7 @@ def test_a_leader_that_was_stopped_for_long_does_not_count_the_stop_as_time_to_c
 
 
 def test_a_state_that_lay_in_its_queue_does_not_tell_a_stopped_leader_that_it_is_connected() -> None:
-    """Its time follows what was waiting, so that what another one said meanwhile looks new, until the tokens are there."""
+    """Its time follows what was waiting, so that what another one said meanwhile looks new, until it has caught up."""
     old = leading("fuser")
     old.awake(1270 * MS, 2100 * MS)
     old.spoke(state("fuser-2", 1260), 2, 1270 * MS)

@@ -1,4 +1,4 @@
-"""Who was excluded: the liars when, and whether they stayed so; who did not lie; who came back."""
+"""Who was excluded: when the liars were, and whether they stayed so; who did not lie; who came back."""
 
 from __future__ import annotations
 

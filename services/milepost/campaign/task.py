@@ -91,7 +91,8 @@ def run_task(task: Task, progress: Callable[[float], None]) -> Figures:
 
 def _slips(train: Train, duration_s: float) -> Slips:
     """Which wheels slip when, where the train is simulated."""
-    creep = train.world(duration_s).creep if train.file.world is not None else None
+    # the motion takes time to build, so only where wheels slip
+    creep = train.world(duration_s).creep if train.file.world is not None and train.file.world.creep is not None else None
     wheels = {unit for unit, sensor in train.sensors.items() if sensor.slip_probability > 0.0}
     return grips if creep is None else lambda unit, t_s: unit in wheels and creep.at(unit, t_s) != 0.0
 

@@ -8,8 +8,7 @@ from .campaign import Campaign
 
 HEADINGS = (
     "train", "units", "fault", "runs", "outside", "outside %", "normal %", "detected %", "detect s, p50", "p95", "used again %",
-    "innocents %",
-    "exclusions/h", "error m", "after m", "half-width m", "largest m", "recover s", "SUBSET-041 %",
+    "innocents %", "exclusions/h", "error m", "after m", "half-width m", "largest m", "recover s", "SUBSET-041 %",
 )  # fmt: skip
 
 
