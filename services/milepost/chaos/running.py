@@ -30,6 +30,14 @@ def title_of(pid: int) -> str:
     return ""
 
 
+def has_ended(pid: int) -> bool:
+    """Whether a process is no more, or only waits for its parent to ask for its exit code."""
+    try:
+        return psutil.Process(pid).status() == psutil.STATUS_ZOMBIE
+    except psutil.NoSuchProcess:
+        return True
+
+
 class RunningTrain:
     """A train that `milepost up` runs; `errors` are the lines that it and its processes wrote.
 

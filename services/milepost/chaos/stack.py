@@ -13,8 +13,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import psutil
-
 from milepost.config.shipped_files import find_file
 from milepost.config.train import load_train
 from milepost.runtime.injecting.commands import send_command
@@ -25,7 +23,7 @@ from milepost.runtime.train_jobs import router_jobs, train_jobs
 from .figures import Figures, measure
 from .link import Link
 from .relay import Relay
-from .running import RunningTrain, free_port
+from .running import RunningTrain, free_port, has_ended
 from .sentinel import sentinel
 from .strain import disk_full, no_more_memory, slowed
 from .view import View
@@ -88,9 +86,19 @@ class Stack(View):
         pid, own = self._strike(process), process in self._started
         os.kill(pid, signal.SIGKILL)
         if own:
-            self._reap(process)
-            self._at_routers(process)
-            self.start(process)
+            self._again(process)
+
+    def _again(self, process: str) -> None:
+        self._reap(process)
+        self._at_routers(process)
+        self.start(process)
+
+    def _well(self) -> bool:
+        for process, pid in list(self._started.items()):
+            if os.waitid(os.P_PID, pid, os.WEXITED | os.WNOHANG | os.WNOWAIT):  # as `up` does with what it started
+                self._strike(process)
+                self._again(process)
+        return super()._well()
 
     def terminate(self, process: str) -> None:
         """SIGTERM, and wait for its end; it stays away until `start`."""
@@ -100,7 +108,7 @@ class Stack(View):
         if process in self._started:
             self._reap(process)
         else:
-            self.wait_for(lambda: _ended(pid), 10.0, f"the end of {process}")
+            self.wait_for(lambda: has_ended(pid), 10.0, f"the end of {process}")
 
     def back(self, process: str, timeout_s: float) -> None:
         """Wait until a process that was killed or ended is there again. Raises NotInTime."""
@@ -236,10 +244,3 @@ class Stack(View):
 def _check_s(name: str, seconds: float) -> None:
     if not 0.0 <= seconds <= LONGEST_S:
         raise ValueError(f"{name}: must be between 0 and {LONGEST_S:g} s, not {seconds!r}")
-
-
-def _ended(pid: int) -> bool:
-    try:
-        return psutil.Process(pid).status() == psutil.STATUS_ZOMBIE
-    except psutil.NoSuchProcess:
-        return True

@@ -140,6 +140,9 @@ class View:
         well = fresh and state.status == "normal" and not state.excluded and wanted <= self.there
         return well and self._routers_listen()
 
+    def _well(self) -> bool:
+        return self.healthy()
+
     def _routers_listen(self) -> bool:
         """Whether all routers listen; where one does not, no for a moment without another look.
 
@@ -172,7 +175,7 @@ class View:
     def recovered(self, timeout_s: float = 30.0) -> None:
         """Wait until all is well again. Raises NotInTime, with what is not."""
         try:
-            self.wait_for(self.healthy, timeout_s, "the train recovered")
+            self.wait_for(self._well, timeout_s, "the train recovered")
         except NotInTime as late:
             absent = [name for name in self.jobs if not is_router(name) and name not in self.there]
             said = f"{self.state.status}, excluded {[e.unit for e in self.state.excluded]}" if self.state else "no state"
