@@ -14,7 +14,7 @@ from milepost.chaos.view import View
 from milepost_schemas import FusedState, Truth
 
 MS = 1_000_000
-CELL = Cell("a cell", lambda stack: None, 1.0)
+CELL = Cell("a process", "killed", lambda stack: None, 1.0)
 T0 = 1_700_000_000_000 * MS
 
 

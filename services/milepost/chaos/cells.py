@@ -25,13 +25,22 @@ Find = Callable[[Stack], str]
 
 @dataclass(frozen=True)
 class Cell:
-    """A row: after `prepare` the train must be well; `blow` breaks it; it must recover by itself within `recovery_s`."""
+    """A row: after `prepare` the train must be well; `blow` breaks it; it must recover by itself within `recovery_s`.
 
-    name: str
+    `hit`: who is hit; `what`: by what.
+    """
+
+    hit: str
+    what: str
     blow: Blow
     gap_s: float
     recovery_s: float = RECOVERY_S
     prepare: Blow | None = None
+
+    @property
+    def name(self) -> str:
+        """`fuser that leads killed`."""
+        return f"{self.hit} {self.what}"
 
 
 @dataclass(frozen=True)
@@ -137,27 +146,27 @@ def cells(processes: list[str], units: list[str]) -> Iterator[Cell]:
     """All cells of a train with these processes and units."""
     for what, blow, hangs in BLOWS:
         for target in targets(processes):
-            yield Cell(f"{target.name} {what}", _at(target, blow), target.stopped_s if hangs else target.killed_s)
+            yield Cell(target.name, what, _at(target, blow), target.stopped_s if hangs else target.killed_s)
     for what, strain in STRAINS:
         for target in targets(processes):
-            yield Cell(f"{target.name} {what}", _at(target, strain), target.stopped_s)
+            yield Cell(target.name, what, _at(target, strain), target.stopped_s)
     for target in targets(processes):
         if target is LEADER or target.name in CRASHING:
-            yield Cell(f"{target.name} crash loop", _at(target, _crash_loop), target.killed_s)
+            yield Cell(target.name, "crash loop", _at(target, _crash_loop), target.killed_s)
     for fault, unit, options in LIES:
         if unit in units:
             for victim in targets(processes)[:2]:
-                yield Cell(f"{unit} {fault}, {victim.name} killed", _lie(fault, unit, options, victim), victim.killed_s)
+                yield Cell(f"{unit} {fault},", f"{victim.name} killed", _lie(fault, unit, options, victim), victim.killed_s)
     if WRITER in processes:
-        yield Cell(f"{WRITER} disk full", _disk_full, NO_GAP_S)
-    yield Cell("every process, disk full 2 s", _no_disk, NO_GAP_S)
+        yield Cell(WRITER, "disk full", _disk_full, NO_GAP_S)
+    yield Cell("every process,", "disk full 2 s", _no_disk, NO_GAP_S)
     if VOTER.name in processes and units:
         for state, bit in FLIPS:
-            yield Cell(f"{FLIPPED}, bit {bit} of {state} flipped", flip(FLIPPED, state, bit), NO_GAP_S)
+            yield Cell(f"{FLIPPED},", f"bit {bit} of {state} flipped", flip(FLIPPED, state, bit), NO_GAP_S)
     if units:
         target = Target(FLIPPED, _always(FLIPPED)) if VOTER.name in processes else LEADER
         for off_s in CLOCKS_S:
-            yield Cell(f"{target.name}, clock {off_s:+g} s off", _at(target, set_clock(off_s)), target.stopped_s)
+            yield Cell(f"{target.name},", f"clock {off_s:+g} s off", _at(target, set_clock(off_s)), target.stopped_s)
     yield from _link_cells(processes)
     for key, sender, heard in STREAMS:
         if sender in processes:
@@ -175,8 +184,8 @@ def _link_cells(processes: list[str]) -> Iterator[Cell]:
 
     for target in CUT_OFF:
         if target.name.startswith("fuser") or target.name in processes:
-            yield Cell(f"{target.name} cut off 2 s", _at(target, _cut), target.killed_s, prepare=prepare)
-            yield Cell(f"{target.name} delayed 0.2 s", _at(target, _delayed), target.killed_s, prepare=prepare)
+            yield Cell(target.name, "cut off 2 s", _at(target, _cut), target.killed_s, prepare=prepare)
+            yield Cell(target.name, "delayed 0.2 s", _at(target, _delayed), target.killed_s, prepare=prepare)
 
 
 def _disk_full(stack: Stack) -> None:
@@ -212,7 +221,7 @@ def _attack(key: str, sender: str, heard: tuple[str, ...], threat: str) -> Cell:
         finally:
             relay.relent()
 
-    return Cell(f"{key} {threat}", blow, NO_GAP_S, prepare=prepare)
+    return Cell(key, threat, blow, NO_GAP_S, prepare=prepare)
 
 
 def _always(name: str) -> Find:

@@ -30,8 +30,7 @@ TRAIN_S = 65.0
 class Outcome:
     """A cell's figures; `failures` are sentences, none where it passed."""
 
-    cell: str
-    gap_limit_s: float
+    cell: Cell
     figures: Figures
     failures: tuple[str, ...]
     # what the processes said meanwhile
@@ -44,7 +43,7 @@ class Outcome:
 
     def as_dict(self) -> dict[str, Any]:
         """For JSON."""
-        head = {"cell": self.cell, "passed": self.passed, "gap_limit_s": self.gap_limit_s}
+        head = {"cell": self.cell.name, "passed": self.passed, "gap_limit_s": self.cell.gap_s}
         figures = {**asdict(self.figures), "own_gap_s": self.figures.own_gap_s}
         return {**head, **figures, "failures": self.failures, "log": self.log}
 
@@ -98,7 +97,7 @@ def run_cell(stack: Stack, cell: Cell) -> Outcome:
     failures += judged(cell, figures)
     log = tuple(line.rstrip() for name, lines in stack.lines.items() for line in lines[said.get(name, 0) :])
     failures += [f"exception: {line.strip()}" for line in log if begins_traceback(line)]
-    return Outcome(cell.name, cell.gap_s, figures, tuple(failures), log)
+    return Outcome(cell, figures, tuple(failures), log)
 
 
 def judged(cell: Cell, figures: Figures) -> Iterator[str]:

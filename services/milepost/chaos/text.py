@@ -16,12 +16,12 @@ def row(outcome: Outcome) -> str:
     """One line of the table, and a line for each failure."""
     f = outcome.figures
     recovery = "never" if f.recovery_s is None else f"{f.recovery_s:.1f}"
-    figures = f"{f.gap_s:7.2f} {outcome.gap_limit_s:7.2f} {f.stall_s:7.2f} {f.error_m:7.2f}"
+    figures = f"{f.gap_s:7.2f} {outcome.cell.gap_s:7.2f} {f.stall_s:7.2f} {f.error_m:7.2f}"
     counts = f"{f.violations:7d} {f.missing:7d} {f.repeated:7d} {f.refused:7d}"
     verdict = "PASS" if outcome.passed else "FAIL"
     log = () if outcome.passed else tuple(f"    | {line}" for line in outcome.log[-LOG_LINES:])
     failures = (f"    {each}" for each in outcome.failures)
-    return "\n".join([f"{outcome.cell:<46} {figures} {counts} {recovery:>10} {verdict}", *failures, *log])
+    return "\n".join([f"{outcome.cell.name:<46} {figures} {counts} {recovery:>10} {verdict}", *failures, *log])
 
 
 def summary(outcomes: Sequence[Outcome]) -> str:

@@ -9,6 +9,7 @@ import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
+from milepost.chaos.grid import tables
 from milepost.chaos.matrix import Outcome, planned, run_matrix
 from milepost.chaos.soak import soak
 from milepost.chaos.text import HEAD, row, soak_text, summary
@@ -73,7 +74,7 @@ def _show(outcome: Outcome) -> None:
 
 def _silent(outcome: Outcome) -> None:
     # the answer is one JSON value; what has been done meanwhile is progress
-    print(f"milepost: {outcome.cell}: {'passed' if outcome.passed else 'failed'}", file=sys.stderr, flush=True)
+    print(f"milepost: {outcome.cell.name}: {'passed' if outcome.passed else 'failed'}", file=sys.stderr, flush=True)
 
 
 def _finish(outcomes: list[Outcome], as_json: bool, report: Path | None) -> int:
@@ -83,4 +84,5 @@ def _finish(outcomes: list[Outcome], as_json: bool, report: Path | None) -> int:
         (report / "results.json").write_text(json.dumps(found, indent=2) + "\n", encoding="utf-8")
         lines = [HEAD, *(row(outcome) for outcome in outcomes), summary(outcomes)]
         (report / "matrix.txt").write_text("\n".join(lines) + "\n", encoding="utf-8")
+        (report / "matrix.md").write_text(tables(outcomes), encoding="utf-8")
     return int(any(not outcome.passed for outcome in outcomes))

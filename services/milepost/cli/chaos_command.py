@@ -19,7 +19,9 @@ def chaos(
     ] = [],  # noqa: B006
     show: Annotated[bool, typer.Option("--list", help="Show the names of the cells and run none.")] = False,
     as_json: JsonOption = False,
-    report: Annotated[Path | None, typer.Option("--report", help="Write results.json and matrix.txt to this folder.")] = None,
+    report: Annotated[
+        Path | None, typer.Option("--report", help="Write results.json, matrix.txt and .md to this folder.")
+    ] = None,
     minutes: Annotated[
         float | None,
         typer.Option(
