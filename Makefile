@@ -7,9 +7,11 @@ UP ?=
 FUZZ ?=
 # what takes longest comes first, so that no core waits for it at the end
 LONG := tests/property tests/consistency tests/replay tests/scenario
+# one process a core; a file's tests share what it sets up once
+PARALLEL := -n logical --dist loadfile --no-loadscope-reorder
 TESTS := $(LONG) $(filter-out $(LONG),$(patsubst %/,%,$(wildcard tests/*/)))
 
-.PHONY: help up test test-fast lint audit bench chaos compose-test fuzz docs docs-serve pictures schema clean
+.PHONY: help up test test-all test-fast lint audit bench chaos compose-test fuzz docs docs-serve pictures schema clean
 
 help: ## show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## /{printf "  make %-14s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -43,8 +45,12 @@ up: $(VENV)/.ready ## start the default train and show it (TRAIN=name or file, U
 	$(BIN)/milepost up --train $(TRAIN) $(UP)
 
 # live trains are tested alone: their deadlines must not compete with other tests for the cores
-test: $(VENV)/.ready ## run all tests except those that need a container engine
-	$(BIN)/python -m pytest -n logical --dist loadfile --no-loadscope-reorder -m "not system and not compose" $(TESTS)
+test: $(VENV)/.ready ## run the tests that take less than ten minutes together
+	$(BIN)/python -m pytest $(PARALLEL) -m "not system and not compose and not long" $(TESTS)
+	$(BIN)/python -m pytest -m "system and not compose and not long"
+
+test-all: $(VENV)/.ready ## run all tests except those that need a container engine, as CI does
+	$(BIN)/python -m pytest $(PARALLEL) -m "not system and not compose" $(TESTS)
 	$(BIN)/python -m pytest -m "system and not compose"
 
 test-fast: $(VENV)/.ready ## run the quick tests of units, contracts, properties and golden runs

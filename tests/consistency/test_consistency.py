@@ -18,6 +18,8 @@ from milepost.estimation.motion import full_process_noise, full_transition
 from milepost.evaluation.run_log import RunLog
 from milepost.offline.run import simulate
 
+pytestmark = pytest.mark.long
+
 MAGLEV = Path("deploy/trains/maglev.yaml")
 # the mean of 40 chi-squares of 3 degrees: within 25 % of 3
 RUNS = 40

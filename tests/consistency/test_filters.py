@@ -15,6 +15,8 @@ from milepost.estimation.motion import process_noise, transition
 from milepost.estimation.observation import Observation
 from milepost.fusion.information_rule import InformationFusion
 
+pytestmark = pytest.mark.long
+
 Q, T0, STEP_S, STEPS = 1e-2, 1_000_000_000_000, 0.2, 150
 POSITION_STD, SPEED_STD = 2.0, 0.3
 PRIOR = Prior(np.array([0.0, 20.0, 0.0]), np.array([2.0, 0.5, 0.2]))

@@ -12,6 +12,8 @@ from milepost.config.train import load_train
 from milepost.evaluation.run_log import RunLog
 from milepost.offline.run import simulate
 
+pytestmark = pytest.mark.long
+
 RUNS, LENGTH_S, START_NS = 16, 4.0, 1_700_000_000_000_000_000
 BODY = {"body_pitch_std_deg": 0.3}
 DROPOUTS = {"dropout_rate_hz": 0.5, "dropout_mean_s": 1.0}

@@ -13,7 +13,7 @@ from milepost.config.train import load_train
 from milepost.evaluation.run_log import RunLog
 from milepost.offline.run import OFFLINE_START_NS, simulate
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.long]
 SEEDS = range(10)
 STRETCHES = 2  # in each run: two stops, or two reversals, so far apart that their errors are independent
 FULL = Path("deploy/trains/full.yaml")

@@ -14,6 +14,8 @@ from milepost.nodes.base import Output
 from milepost.offline.run import OFFLINE_START_NS, simulate
 from milepost_schemas import Event, FusedState, Truth
 
+pytestmark = pytest.mark.long
+
 RADAR = {"kind": "doppler_radar", "rate_hz": 10.0, "speed_variance_m2ps2": 0.04}
 ODOMETER = {"kind": "odometer", "diameter_m": 0.81, "scale_std": 0.06, "scale_noise_psd": 0.0, "speed_noise_std_mps": 0.05}
 TRAIN: dict[str, Any] = {

@@ -11,6 +11,8 @@ from pathlib import Path
 
 import pytest
 
+pytestmark = pytest.mark.long
+
 ROOT = Path(__file__).resolve().parents[2]
 GUIDE = (ROOT / "docs/add-a-sensor.md").read_text(encoding="utf-8")
 FOLDERS = ("services", "schemas", "deploy", "docs", "tests")

@@ -26,7 +26,10 @@ LOG = ROOT.parent / "shared/data/brussels/log_28876_gnss.csv"
 # five seconds after the withheld minute, so that all of it is settled
 UNTIL_S = 345.0
 
-pytestmark = pytest.mark.skipif(not LOG.is_file(), reason="../shared/data/brussels, the recorded train logs, is not here")
+pytestmark = [
+    pytest.mark.skipif(not LOG.is_file(), reason="../shared/data/brussels, the recorded train logs, is not here"),
+    pytest.mark.long,
+]
 
 
 @pytest.fixture(scope="module")

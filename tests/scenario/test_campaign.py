@@ -14,6 +14,8 @@ import pytest
 from ending import end
 from harness import ROOT
 
+pytestmark = pytest.mark.long
+
 TINY: dict[str, Any] = {
     "campaign": "tiny",
     "about": "A radar < a loop.",

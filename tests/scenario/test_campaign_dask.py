@@ -12,6 +12,8 @@ import pytest
 from harness import ROOT
 from test_campaign import BRIEF, TINY, campaign, command, written
 
+pytestmark = pytest.mark.long
+
 pytest.importorskip("distributed")
 
 

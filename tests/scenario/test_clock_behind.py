@@ -5,6 +5,8 @@ from __future__ import annotations
 import pytest
 from test_one_after_another import ROOT, suffered
 
+pytestmark = pytest.mark.long
+
 UNITS = {"regional": ("radar", "odometer-front"), "maglev": ("radar", "loop"), "metro": ("radar-1",), "full": ("radar-front",)}
 # when it steps, and by how many seconds
 STEPS = [(1.5, -4.8), (0.9, -2.0), (0.3, -0.9)]

@@ -8,6 +8,8 @@ import pytest
 import yaml
 from test_one_after_another import ROOT, suffered
 
+pytestmark = pytest.mark.long
+
 
 def counting(folder: Path, speed_mps: float) -> Path:
     """The train `regional` at a steady speed; its front odometer counts in periods of 20 ms."""

@@ -9,6 +9,8 @@ from harness import ROOT, Journey, at, travel
 
 from milepost.recordings.gnss_log import with_default_columns
 
+pytestmark = pytest.mark.long
+
 LOG = ROOT.parent / "shared/data/brussels/log_31259_gnss.csv"
 # scenario time 0 in the log: twenty seconds before the first of its two runs of false RTK
 FROM_S = 260.0

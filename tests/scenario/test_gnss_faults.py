@@ -23,7 +23,10 @@ FROM_S, UNTIL_S = 16.0, 49.0
 # a degree of latitude, and of longitude at 50.9 degrees, m
 DEGREE_M = (111250.0, 70310.0)
 
-pytestmark = pytest.mark.skipif(not LOG.is_file(), reason="../shared/data/brussels, the recorded train logs, is not here")
+pytestmark = [
+    pytest.mark.skipif(not LOG.is_file(), reason="../shared/data/brussels, the recorded train logs, is not here"),
+    pytest.mark.long,
+]
 
 Place = tuple[float, float]
 Fault = Callable[[list[Place], int], Place]

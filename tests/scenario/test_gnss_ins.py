@@ -13,6 +13,8 @@ from harness import ROOT
 from milepost.evaluation.plan import make_plan
 from milepost.evaluation.pool import Task, run_task
 
+pytestmark = pytest.mark.long
+
 SCENARIO = ROOT / "deploy/scenarios/gnss-ins-outage.yaml"
 SEEDS = (1, 2)
 BAD = {"plain", "milepost", "oracle"}

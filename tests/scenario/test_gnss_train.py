@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 
 from examples import REMOVED, write_train
 from milepost.config.train import Train, load_train
@@ -16,6 +17,8 @@ from milepost.nodes.base import Output
 from milepost.offline.run import simulate
 from milepost.track.track import Track
 from milepost_schemas import FusedState, Truth
+
+pytestmark = pytest.mark.long
 
 POINTS = [(4.5, 50.9), (4.52, 50.905), (4.54, 50.92), (4.55, 50.95)]
 GEOMETRY = {"geojson": "l.geojson", "length_m": REMOVED, "balises": []}

@@ -9,6 +9,8 @@ from harness import ROOT, Journey, scenario_s, travel
 
 from milepost.fusion.hypotheses import MOTION_MODEL
 
+pytestmark = pytest.mark.long
+
 # 4 m/s² at once, which no train does, for 2 s
 BRAKE_S, BY_MPS, FOR_S = 15.0, 8.0, 2.0
 

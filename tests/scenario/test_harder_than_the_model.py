@@ -12,6 +12,8 @@ from harness import ROOT, Journey
 from milepost.config.train import load_train
 from milepost.offline.run import simulate
 
+pytestmark = pytest.mark.long
+
 DURATION_S = 60.0
 # the longest a sensor may be left out: what excludes it, one probation of a second or two, and what the readings take
 LONGEST_S = 3.5

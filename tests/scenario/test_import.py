@@ -27,7 +27,7 @@ LOGS = ("28554", "28573", "28876", "31259")
 
 of_a_car = pytest.mark.skipif(not CAR.is_dir(), reason="../shared/data/comma2k19, a car's, is not here")
 of_trains = pytest.mark.skipif(not (DATA / "brussels").is_dir(), reason="../shared/data/brussels, real trains', is not here")
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.long]
 
 
 def milepost(*words: str) -> Any:

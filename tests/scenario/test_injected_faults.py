@@ -93,6 +93,7 @@ def honest_inbox(train_name: str, unit: str) -> list[tuple[int, Message]]:
     return inbox({train.name: train for train in (MAGLEV, FULL)}[train_name], unit)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("kind", "train", "unit"), CASES, ids=lambda case: case if isinstance(case, str) else case.name)
 def test_a_fault_reaches_the_fuser_from_its_onset_on(kind: str, train: Train, unit: str) -> None:
     from_s = onset_s(train, unit)

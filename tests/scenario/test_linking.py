@@ -19,6 +19,8 @@ from milepost.simulation.faults import Fault, silent
 from milepost.track.line import Balise, Line
 from milepost_schemas import AbsoluteFix, BaliseTelegram, Event
 
+pytestmark = pytest.mark.long
+
 METRO, FULL = ROOT / "deploy/trains/metro.yaml", ROOT / "deploy/trains/full.yaml"
 READER = "sensor-balise-reader"
 # at 20 m/s the default train passes b00001 at some 5 s, and one more each 5 s

@@ -14,6 +14,8 @@ from milepost.offline.run import simulate
 from milepost.simulation.faults import FaultEntry
 from milepost_schemas import FusedState
 
+pytestmark = pytest.mark.long
+
 SILENT_S, BACK_S, SECOND_S, END_S = 12.0, 32.0, 40.0, 48.0
 
 HONEST: dict[str, Any] | None = None
