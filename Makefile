@@ -6,10 +6,10 @@ TRAIN ?= full
 UP ?=
 FUZZ ?=
 # what takes longest comes first, so that no core waits for it at the end
-LONG := tests/property tests/consistency tests/replay tests/scenario
+FIRST := tests/property tests/consistency tests/replay tests/scenario
 # one process a core; a file's tests share what it sets up once
 PARALLEL := -n logical --dist loadfile --no-loadscope-reorder
-TESTS := $(LONG) $(filter-out $(LONG),$(patsubst %/,%,$(wildcard tests/*/)))
+TESTS := $(FIRST) $(filter-out $(FIRST),$(patsubst %/,%,$(wildcard tests/*/)))
 
 .PHONY: help up test test-all test-fast lint audit bench chaos compose-test fuzz docs docs-serve pictures schema clean
 
