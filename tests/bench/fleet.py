@@ -10,6 +10,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -161,15 +162,19 @@ def on_page(tab: Any, outside: Outside) -> dict[str, Any]:
     return {"page_rows": rows, "page_positions": len(lags), "page_lag_ms": {"p50": p50, "p99": p99, "max": most}}
 
 
-def recorded(folder: Path) -> dict[str, float]:
-    """What the recorder wrote, and what is missing between the first and the last message of each sender."""
-    messages = missing = size = 0
+def recorded(folder: Path) -> dict[str, Any]:
+    """What the recorder wrote, and what is missing of each stream between the first and the last message of each sender."""
+    messages = size = 0
+    missing: Counter[str] = Counter()
     for path in recordings_in(folder):  # one after the other: all at once would be more senders than are followed
         found = Summary().read([path])
         messages += sum(tally.messages for tally in found.streams.values())
-        missing += sum(run.missing for run in found.senders.values())
+        for sender, run in found.senders.items():
+            missing[sender.stream] += run.missing
         size += path.stat().st_size
-    return {"recorded": messages, "recorder_missing": missing, "recorded_mib": size / 2**20}
+    lost = {stream: number for stream, number in sorted(missing.items()) if number}
+    counts = {"recorder_missing": missing.total(), "recorder_missing_of": lost}
+    return {"recorded": messages, **counts, "recorded_mib": size / 2**20}
 
 
 def text(found: dict[str, Any]) -> str:
@@ -189,7 +194,9 @@ def text(found: dict[str, Any]) -> str:
         lag = found["page_lag_ms"]
         said.append(f"{found['page_rows']} rows on the page, {lag['p50']:.0f} ms later, 99 % {lag['p99']:.0f} ms")
     if "recorded" in found:
-        said.append(f"{found['recorder_missing']} of {found['recorded']} messages missing in the recording")
+        of = ", ".join(f"{number} {stream}" for stream, number in found["recorder_missing_of"].items())
+        missing = f"{found['recorder_missing']} of {found['recorded']} messages missing in the recording"
+        said.append(f"{missing} ({of})" if of else missing)
     return "; ".join(said)
 
 
