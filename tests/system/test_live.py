@@ -46,6 +46,22 @@ def test_truth_stays_out_of_what_a_wildcard_hears(maglev):
     assert not [key for key in heard_plainly if "@" in key]
 
 
+def test_only_what_nobody_waits_for_waits_for_more_to_send(maglev):
+    """A burst of samples that are sent one by one does not fit into a session's queue, and the rest of it is dropped."""
+    _, outside = maglev
+    alone: dict[str, bool] = {}
+
+    def receive(sample):
+        alone[str(sample.key_expr).split("/")[3]] = sample.express
+
+    keys = [f"milepost/v1/maglev-1/{stream}" for stream in ("state", "reading/*", "health/*")]
+    heard = [outside.session.declare_subscriber(key, receive) for key in keys]
+    outside.wait_for(lambda: len(alone) == len(keys), 10.0, "a sample of each")
+    for each in heard:
+        each.undeclare()
+    assert alone == {"state": True, "reading": True, "health": False}
+
+
 def test_every_process_shows_health_once_a_second(maglev):
     _, outside = maglev
     names = ["fuser", "filter-radar", "filter-loop", "balise", "sensor-radar", "sensor-loop", "sensor-balise-reader", "world"]

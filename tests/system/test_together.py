@@ -67,6 +67,16 @@ def test_nothing_is_lost_refused_or_heard_twice_inside(together: tuple[Stack, Ou
         assert numbers == sorted(set(numbers))
 
 
+def test_its_nodes_do_not_all_send_their_health_at_once(together: tuple[Stack, Outside]) -> None:
+    """Of a fleet's thousands at once, what does not fit into the queue of its session is dropped: no recorder hears it."""
+    _, outside = together
+    names = {key.split("/")[-2] for key, there in outside.tokens.items() if there}
+    sent_ns = sorted(outside.there(f"{TOP}/health/{name}")["published_at_ns"] % 1_000_000_000 for name in names)
+    most = max(sum(0 <= other - at < 250_000_000 for other in sent_ns) for at in sent_ns)
+    assert len(names) == 11
+    assert most <= 5, sent_ns
+
+
 def test_a_procedure_is_answered_while_the_train_runs(together: tuple[Stack, Outside]) -> None:
     _, outside = together
     replies = list(outside.session.get(rpc_key("regional-1", "latest_feedback"), timeout=5.0))

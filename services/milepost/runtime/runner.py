@@ -37,7 +37,8 @@ def second_instance(node: Node, change: Change, now_ns: int) -> Output:
 class Runner:
     """The loop of a process. `name` is the process's; `parent` ends it when that process is no longer its parent (`orphaned`).
 
-    `expected_hz` are the rates of its streams as the train file sets them, `health_every_s` how often its health is sent.
+    `expected_hz` are the rates of its streams as the train file sets them, `health_every_s` how often its health is sent, and
+    `phase` by which part of that it comes later, so that many nodes of a process do not all send theirs at once.
     `every_second`: done once a second.
     """
 
@@ -51,6 +52,7 @@ class Runner:
         parent: int | None = None,
         expected_hz: Mapping[str, float] | None = None,
         health_every_s: float = 1.0,
+        phase: float = 0.0,
     ) -> None:
         self._name = name
         self._node = node
@@ -60,9 +62,9 @@ class Runner:
         self._parent = parent
         self._meter = Meter(clock.now_ns(), expected_hz or {})
         self._gate = Gate(expected_hz or {})
-        self._second_ns = clock.now_ns() + SECOND_NS
+        self._second_ns = clock.now_ns() + round((1.0 + phase) * SECOND_NS)
         self._health_every_ns = round(health_every_s * SECOND_NS)
-        self._health_ns = clock.now_ns() + self._health_every_ns
+        self._health_ns = clock.now_ns() + round((1.0 + phase) * self._health_every_ns)
         self._health_sequence = 0
         self._instances = Instances()
         self._handing_over = HandingOver(bus, node, name)

@@ -62,11 +62,11 @@ class Member:
         listen(self.bus, self.node, self.part.name)
         declare_alive(self.bus, self.node, self.part.name)
 
-    def seat(self, start: SimulationStart | None, parent: int | None, state_dir: Path | None) -> Seat:
-        """Its place in the loop, once scenario time is known."""
+    def seat(self, start: SimulationStart | None, parent: int | None, state_dir: Path | None, phase: float) -> Seat:
+        """Its place in the loop, once scenario time is known. `phase`: as in `Runner`."""
         clock = Clock(start)
         self.node = self.part.node_in_time(self.node, start, clock)
-        runner = self.part.runner(self.node, self.bus, clock, start, parent)
+        runner = self.part.runner(self.node, self.bus, clock, start, parent, phase)
         self.store = begin_with_what_is_known(runner, self.bus, self.node, clock, self.part.train, state_dir)
         return Seat(runner, self.bus.inbox, clock)
 

@@ -68,11 +68,13 @@ class Part:
         node.continue_numbering(first)
         return node
 
-    def runner(self, node: Node, bus: ZenohBus, clock: Clock, start: SimulationStart | None, parent: int | None) -> Runner:
-        """The loop of the node, which ends a moment after scenario time."""
+    def runner(
+        self, node: Node, bus: ZenohBus, clock: Clock, start: SimulationStart | None, parent: int | None, phase: float = 0.0
+    ) -> Runner:
+        """The loop of the node, which ends a moment after scenario time. `phase`: as in `Runner`."""
         end_ns = start.end_ns + GRACE_NS if start is not None else None
         rates, health_every_s = expected_hz(self.train, self.role, self.unit, node), self.train.file.health_every_s
-        return Runner(self.name, node, bus, clock, end_ns, parent, rates, health_every_s)
+        return Runner(self.name, node, bus, clock, end_ns, parent, rates, health_every_s, phase)
 
 
 def begin_with_what_is_known(

@@ -47,7 +47,10 @@ def run_together(boardings: Sequence[Boarding], options: ProcessOptions) -> bool
 
 def _run(trains: Sequence[Aboard], ready: queue.SimpleQueue[int], options: ProcessOptions) -> bool:
     places = [(train, member) for train in trains for member in train.members]
-    seats = [member.seat(train.start, options.parent, options.state_dir) for train, member in places]
+    seats = [
+        member.seat(train.start, options.parent, options.state_dir, number / len(places))
+        for number, (train, member) in enumerate(places)
+    ]
     with rare_collection():
         stopped = _loop(Loop(seats, ready), places)
     for _, member in places:
