@@ -26,6 +26,7 @@ from milepost_schemas import SimulationStart
 from . import scenario_time, zenoh_config
 from .bus import Inbox, Stop, ZenohBus, open_session
 from .clock import Clock
+from .freed_memory import EVERY_S, give_back, keep_together
 from .inbox.taking import take
 from .logs.output import zenoh_in_log
 from .logs.records import set_up_log
@@ -171,6 +172,7 @@ def run_router(
     `attend` does something with its session as long as that is open, and with what Zenoh writes. `name`: of several, which one.
     """
     set_up_log(name)
+    keep_together()
     inbox: Inbox = queue.SimpleQueue()
     stop_on_signals(inbox)
     while True:
@@ -193,8 +195,12 @@ def _why_anew(certificate: Path | None, inbox: Inbox, parent: int | None) -> str
     that. Whoever was connected is no longer: the lease is over.
     """
     before = certificate.stat().st_mtime_ns if certificate is not None else 0
+    trimmed = time.monotonic()
     while parent is None or os.getppid() == parent:
         asleep = time.monotonic()
+        if asleep - trimmed > EVERY_S:
+            give_back()
+            trimmed = asleep
         try:
             take(inbox, PARENT_EVERY_S if certificate is None else LOOKS_EVERY_S)
         except queue.Empty:
