@@ -180,9 +180,16 @@ def test_a_page_without_its_server_shows_no_figures_until_the_server_is_back(tra
     tab.goto(f"{address}/train/full-1")
     position = tab.locator('#train [data-field="position"]')
     sync_api.expect(position).to_have_text(re.compile(r"^\d+\.\d\d$"))
+    # what happened has happened, whoever hears it
+    happened = tab.locator("#events .word")
+    sync_api.expect(happened.first).to_have_text(re.compile("info|warning|error"))
     (pid,) = [each.pid for each in psutil.Process(stack.process.pid).children() if title_of(each.pid) == "milepost page"]
     os.kill(pid, signal.SIGKILL)
     sync_api.expect(position).to_have_text("unknown")
     sync_api.expect(tab.locator("#link")).to_be_visible()
+    sync_api.expect(tab.locator('#train [data-field="meaning"]')).to_have_text("unknown")
+    assert set(tab.locator("#hypotheses .number").all_text_contents()) == {"unknown"}
+    assert "unknown" not in happened.all_text_contents()
     sync_api.expect(position).to_have_text(re.compile(r"^\d+\.\d\d$"), timeout=40_000)
     sync_api.expect(tab.locator("#link")).to_be_hidden()
+    assert "unknown" not in happened.all_text_contents()

@@ -66,6 +66,25 @@ def test_a_plain_subscriber_sees_every_train_and_status_lists_them_sorted(fleet:
     assert [line.partition(":")[0] for line in lines] == NAMES
 
 
+def test_status_names_a_train_that_runs_and_says_nothing(fleet: tuple[Stack, Outside]) -> None:
+    """WHEN a train's fuser hangs THEN status does not pass it over."""
+    stack, outside = fleet
+    (pid,) = [c.pid for c in psutil.Process(stack.process.pid).children() if title_of(c.pid) == "milepost run fuser (metro-2)"]
+    os.kill(pid, signal.SIGSTOP)
+    try:
+        listed = milepost("status", "--json", "--connect", stack.endpoint)
+        lines = milepost("status", "--connect", stack.endpoint)
+    finally:
+        os.kill(pid, signal.SIGCONT)
+    assert (listed.returncode, lines.returncode) == (1, 1)
+    assert [(row["train"], row["status"]) for row in json.loads(listed.stdout)][1:] == [
+        ("metro-1", "normal"),
+        ("metro-2", "silent"),
+    ]
+    assert lines.stdout.splitlines()[-1] == "metro-2: silent: no state within 2 s"
+    normal(outside, "metro-2")
+
+
 def test_the_trains_of_a_fleet_start_in_their_time(fleet: tuple[Stack, Outside]) -> None:
     stack, _ = fleet
     said = [line for line in stack.errors if re.search("first state after|starting [a-z]", line)]

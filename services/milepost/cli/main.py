@@ -81,7 +81,7 @@ def status(
     as_json: JsonOption = False,
     timeout: Annotated[float, typer.Option("--timeout", min=0.1, help="Seconds to wait for a state.")] = 2.0,
 ) -> None:
-    """Print each train's state once. Exit code 1 if there is none, one is not `normal`, or a process has a second instance."""
+    """Print each train's state once. Exit code 1 if one is silent or not `normal`, or a process has a second instance."""
     from .status import run_status
 
     raise typer.Exit(run_status(zenoh_config or connect, as_json, timeout))

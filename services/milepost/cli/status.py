@@ -8,45 +8,55 @@ import threading
 import time
 from typing import Any
 
+from milepost.config.roles import ROLES
 from milepost.runtime.bus import NoRouterError
-from milepost.runtime.instances import Change, second_instances
+from milepost.runtime.instances import Change, live_tokens, second_instances
 from milepost.runtime.listening import listening
 from milepost.runtime.zenoh_config import Connection
 from milepost_schemas import FusedState, Message
 
-SETTLE_S = 0.3
+# a train that has processes and says nothing
+SILENT = "silent"
 
 
 def run_status(connect: Connection, as_json: bool, timeout_s: float) -> int:
-    """Print the newest state of every train that speaks; 0 only if there is one, all are normal and no process runs twice."""
+    """Print the newest state of every train; 0 only if there is one, all speak and are normal, and no process runs twice.
+
+    A train of which a process is there is waited for: one whose fuser hangs would else be no train at all.
+    """
     states: dict[str, FusedState] = {}
-    first = threading.Event()
+    news = threading.Event()
 
     def receive(_: str, message: Message, __: int) -> None:
         if isinstance(message, FusedState):
             states[message.train] = message
-            first.set()
+            news.set()
 
     try:
         with listening(connect, ["state"], "*", receive) as session:
-            if first.wait(timeout_s):
-                # other trains on the same router speak within a few epochs
-                time.sleep(SETTLE_S)
+            until = time.monotonic() + timeout_s
+            running = {token.train for token in live_tokens(session) if token.unit.partition("-")[0] in ROLES}
+            while not (states and running <= states.keys()) and (left := until - time.monotonic()) > 0.0:
+                news.wait(left)
+                news.clear()
             second = second_instances(session)
     except NoRouterError as error:
         print(f"milepost: {error}", file=sys.stderr)
         return 1
     for change in second:
         print(f"milepost: {change.train}: {change.text}", file=sys.stderr)
-    if not states:
+    silent = sorted(running - states.keys())
+    if not states and not silent:
         print(f"milepost: no state within {timeout_s:g} s", file=sys.stderr)
         return 1
     if as_json:
-        print(json.dumps([_fields(state, second) for _, state in sorted(states.items())]))
+        rows = [_fields(state, second) for state in states.values()] + [{"train": name, "status": SILENT} for name in silent]
+        print(json.dumps(sorted(rows, key=lambda row: str(row["train"]))))
     else:
-        for _, state in sorted(states.items()):
-            print(_line(state))
-    return 0 if all(state.status == "normal" for state in states.values()) and not second else 1
+        lines = {state.train: _line(state) for state in states.values()}
+        lines |= {name: f"{name}: {SILENT}: no state within {timeout_s:g} s" for name in silent}
+        print("\n".join(line for _, line in sorted(lines.items())))
+    return 0 if not silent and all(state.status == "normal" for state in states.values()) and not second else 1
 
 
 def _fields(state: FusedState, second: list[Change]) -> dict[str, Any]:

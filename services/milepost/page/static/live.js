@@ -42,7 +42,8 @@ export function follow(train, show) {
   function told(lost) {
     if (lost && notice.hidden) {
       for (const node of document.querySelectorAll("[data-figure]")) node.textContent = UNKNOWN;
-      for (const node of document.querySelectorAll(".status[data-level]")) setStatus(node, "idle", UNKNOWN);
+      // what happened has happened, whoever hears it
+      for (const node of document.querySelectorAll(".status[data-level]:not([data-past])")) setStatus(node, "idle", UNKNOWN);
       document.body.dataset.link = "lost";
     }
     if (!lost && !notice.hidden) document.body.dataset.link = "there";
