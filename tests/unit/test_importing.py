@@ -4,17 +4,21 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from collections.abc import Callable, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from milepost.cli.importing.job import run_import
 from milepost.config.errors import ConfigError
 from milepost.config.scenario_file import load_scenario
 from milepost.offline.run import simulate
+from milepost.recordings.importing.figures import courses
 from milepost.recordings.importing.names import unit_in, words_of
+from milepost.recordings.importing.rows import Rows
 from milepost.recordings.importing.solutions import meaning_of
 from milepost.recordings.importing.times import time_format
 from milepost.track.earth import moved
@@ -138,6 +142,31 @@ def test_a_copy_says_why_it_is_one(tmp_path: Path, capsys) -> None:
     assert (
         (tmp_path / "out/recorded-gnss.csv").read_text(encoding="utf-8").startswith("t_s,latitude_deg,longitude_deg,speed_mps,")
     )
+
+
+def test_a_speed_that_no_train_has_is_left_out_and_changes_nothing_else(tmp_path: Path, capsys) -> None:
+    sane, lines = tmp_path / "sane", epoch_seconds()
+    sane.mkdir()
+    imported(sane, write(sane, lines), capsys)
+    garbage = [*lines[:30], lines[30].rpartition(",")[0] + ",999999", *lines[31:]]
+    said = imported(tmp_path, write(tmp_path, garbage), capsys)
+    assert said["left_out"] == {"faster than 200 m/s": 1}
+    assert any("1 rows faster than 200 m/s" in each for each in said["told"])
+    jerks = [re.search("jerk_psd.*", (folder / "out/train.yaml").read_text(encoding="utf-8"))[0] for folder in (sane, tmp_path)]
+    assert jerks[0] == jerks[1]
+
+
+def test_courses_are_computed_over_ways_that_are_long_beside_the_noise_of_fixes() -> None:
+    """On a circle, 3 m from fix to fix, 1 m of noise: the cosine of the error is what is left of a speed along the line."""
+    rng, t = np.random.default_rng(1), np.arange(0.0, 100.0, 0.2)
+    angle = 15.0 * t / 2000.0
+    north, east = 2000.0 * np.sin(angle) + rng.normal(size=len(t)), 2000.0 * (1.0 - np.cos(angle)) + rng.normal(size=len(t))
+    places = [moved(50.0, 4.0, e, n) for n, e in zip(north, east, strict=True)]
+    latitude, longitude = np.array(places).T
+    values = {"latitude": latitude, "longitude": longitude, "speed": np.full(len(t), 15.0)}
+    found = np.radians(courses(Rows(t, values, ["single"] * len(t), {})))
+    assert np.count_nonzero(np.isfinite(found)) > 0.95 * len(t)
+    assert 1.0 - np.nanmean(np.cos(found - angle)) < 0.002
 
 
 def test_a_train_that_goes_back_keeps_its_longest_part(tmp_path: Path, capsys) -> None:

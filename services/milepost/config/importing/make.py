@@ -22,6 +22,7 @@ from milepost.recordings.importing.rows import (
     no_numbers_told,
     period_s,
     placed,
+    possible,
     read_rows,
     thinned,
 )
@@ -100,7 +101,7 @@ def _way(first: LogColumns, fixes: Rows, good: Rows, line: Path | None) -> Way:
 def _fixes(first: LogColumns, show: Callable[[float], None]) -> tuple[Rows, list[str]]:
     """The fixes of a receiver, and what was left out."""
     raw = read_rows(first.log, first.of(*FIELDS), ("latitude", "longitude"), show)
-    rows, every = thinned(placed(raw))
+    rows, every = thinned(possible(placed(raw)))
     if len(rows.t_s) < LEAST_FIXES:
         raise ValueError(f"only {len(rows.t_s)} fixes; left out: {left_out_told(rows) or 'nothing'}")
     told = [f"{len(rows.t_s)} fixes in {rows.t_s[-1] - rows.t_s[0]:.0f} s: {_counted(rows.solution)}"]

@@ -61,26 +61,37 @@ def jerk_psd(t_s: Array, speed_mps: Array) -> float:
     return float(f"{min(max(q, LEAST_JERK), MOST_JERK):.1g}")
 
 
-def courses(rows: Rows, least_m: float = 3.0) -> Array:
-    """The course between the fixes before and after each, in degrees; NaN where these are nearer than `least_m`."""
+def courses(rows: Rows) -> Array:
+    """The course over some `COURSE_M` before and after each fix, in degrees; NaN where the train hardly moves.
+
+    From fix to fix it would be that of their noise e over the way d between them: a speed along the line would lose
+    1 - cos(e/d), which is always a loss.
+    """
     latitude, longitude = rows.values["latitude"], rows.values["longitude"]
-    before, after = np.maximum(np.arange(len(latitude)) - 1, 0), np.minimum(np.arange(len(latitude)) + 1, len(latitude) - 1)
+    way_m = _way_m(rows)
+    # the last fix that is so far before, or the first one of all; the first one that is so far after, or the last one of all
+    before = np.maximum(np.searchsorted(way_m, way_m - COURSE_M, side="right") - 1, 0)
+    after = np.minimum(np.searchsorted(way_m, way_m + COURSE_M), len(way_m) - 1)
     north, east = north_east_m(latitude[before], longitude[before], latitude[after], longitude[after])
     course = np.degrees(np.arctan2(east, north)) % 360.0
-    return np.where(np.hypot(north, east) >= least_m, course, math.nan)
+    return np.where(np.hypot(north, east) >= COURSE_M, course, math.nan)
+
+
+def _way_m(rows: Rows) -> Array:
+    """The way since the first fix, as the receiver's speeds say, or from fix to fix, with their noise."""
+    if rows.has("speed"):
+        steps_m = np.abs(np.nan_to_num(rows.values["speed"][1:])) * np.diff(rows.t_s)
+    else:
+        latitude, longitude = rows.values["latitude"], rows.values["longitude"]
+        steps_m = np.hypot(*north_east_m(latitude[:-1], longitude[:-1], latitude[1:], longitude[1:]))
+    return np.concatenate([[0.0], np.cumsum(steps_m)])
 
 
 def course_off_deg(rows: Rows) -> float | None:
     """By how much the receiver's course differs from that between its fixes, in the median; None where that cannot be told."""
     if not rows.has("course"):
         return None
-    # fixes beside each other differ by their noise; the way that is compared is long beside that
-    latitude, longitude = rows.values["latitude"], rows.values["longitude"]
-    steps_m = np.hypot(*north_east_m(latitude[:-1], longitude[:-1], latitude[1:], longitude[1:]))
-    moving_m = steps_m[steps_m > 0.0]
-    every = max(1, math.ceil(COURSE_M / float(np.median(moving_m)))) if len(moving_m) else 1
-    some = rows.chosen(np.arange(len(rows.t_s)) % every == 0, "")
-    off = np.abs((some.values["course"] - courses(some, COURSE_M) + 180.0) % 360.0 - 180.0)
+    off = np.abs((rows.values["course"] - courses(rows) + 180.0) % 360.0 - 180.0)
     off = off[np.isfinite(off)]
     return float(np.median(off)) if len(off) >= LEAST_COURSES else None
 

@@ -21,6 +21,8 @@ LEAST_REPEATS = 1.5
 LONG_GAP_S, LONG_GAP_PERIODS = 10.0, 10.0
 # no device is silent for a day and for so many rows; where fixes themselves are hours apart, the unit of time is wrong
 SET_PERIODS = 1e4
+# as in messages
+FASTEST_MPS = 200.0
 # what loggers write where they have no value
 EMPTY = ("", "nan")
 
@@ -113,6 +115,14 @@ def placed(rows: Rows) -> Rows:
     latitude, longitude = rows.values["latitude"], rows.values["longitude"]
     somewhere = (np.abs(latitude) <= 90.0) & (np.abs(longitude) <= 180.0) & ((latitude != 0.0) | (longitude != 0.0))
     return rows.chosen(somewhere, "at no place")
+
+
+def possible(rows: Rows) -> Rows:
+    """Fixes whose speed a train may have: one that is none would be taken for how hard the train is driven."""
+    if "speed" not in rows.values:
+        return rows
+    # where none is told nothing is wrong
+    return rows.chosen(~(np.abs(rows.values["speed"]) > FASTEST_MPS), f"faster than {FASTEST_MPS:g} m/s")
 
 
 def thinned(rows: Rows) -> tuple[Rows, int]:
