@@ -16,7 +16,7 @@ from milepost.chaos.matrix import planned, run_cell
 from milepost.chaos.stack import NORMAL_S, Stack
 from milepost.chaos.text import row
 
-pytestmark = pytest.mark.system
+pytestmark = [pytest.mark.system, pytest.mark.long]
 SELECTION = (
     "fuser that leads killed",
     "fuser that leads stopped 2 s",

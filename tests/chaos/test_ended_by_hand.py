@@ -6,7 +6,7 @@ import pytest
 
 from milepost.chaos.stack import NORMAL_S, Stack
 
-pytestmark = pytest.mark.system
+pytestmark = [pytest.mark.system, pytest.mark.long]
 
 
 def test_what_fails_is_restarted_also_after_the_world_was_replaced(stack: Stack) -> None:

@@ -12,6 +12,7 @@ from milepost.chaos.stack import Stack
 
 LIBRARY = next(iter(sorted(Path("/usr/lib").glob("*/faketime/libfaketime.so.1"))), None)
 pytestmark = [
+    pytest.mark.long,
     pytest.mark.system,
     pytest.mark.skipif(LIBRARY is None, reason="no libfaketime: apt-get install libfaketime"),
 ]

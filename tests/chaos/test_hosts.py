@@ -10,6 +10,7 @@ import pytest
 from hosts import Cable, Host, hosts_in_a_row, may_make_hosts
 
 pytestmark = [
+    pytest.mark.long,
     pytest.mark.system,
     pytest.mark.skipif(not may_make_hosts(), reason="network namespaces cannot be made here"),
 ]

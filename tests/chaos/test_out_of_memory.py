@@ -10,7 +10,7 @@ import pytest
 
 from milepost.chaos.stack import NORMAL_S, Stack
 
-pytestmark = pytest.mark.system
+pytestmark = [pytest.mark.system, pytest.mark.long]
 
 
 def test_what_ends_for_want_of_memory_is_started_again_whoever_started_it(stack: Stack) -> None:

@@ -11,6 +11,8 @@ import yaml
 from doc_console import Reader, Step, alike, matches, steps
 from doc_pages import DOCS, PAGES, ROOT, Page
 
+pytestmark = pytest.mark.long
+
 # in the order of the site's menu: a page of the tutorial uses the files of those before it
 TUTORIAL = [DOCS / f"tutorial/{name}.md" for name in ("first-run", "line", "sensor", "recording", "chaos-test")]
 STARTS = ("milepost up", "pytest")

@@ -24,6 +24,8 @@ pytest.importorskip("cryptography")
 from milepost.security.authority import Authority
 from milepost.security.bundle import Bundle
 
+pytestmark = pytest.mark.long
+
 TRAIN = load_train(Path(__file__).parents[2] / "deploy" / "trains" / "metro.yaml")
 KEY = f"milepost/v1/{TRAIN.name}/state"
 SECRET = b"position_m and everything else that a state says"

@@ -12,6 +12,8 @@ import pytest
 from conftest import Outside, Stack
 from lighter import PERIOD_MS, lighter
 
+pytestmark = pytest.mark.long
+
 TOP = "milepost/v1/full-1"
 STATE = f"{TOP}/state"
 RATE_HZ, FLOODED_S = 20_000, 5.0

@@ -16,6 +16,8 @@ import yaml
 
 from conftest import free_port
 
+pytestmark = pytest.mark.long
+
 ROOT = Path(__file__).parents[2]
 
 

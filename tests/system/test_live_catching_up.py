@@ -15,6 +15,8 @@ import zenoh
 from conftest import Outside, Stack, free_port, start
 from milepost.runtime.injecting.commands import send_command
 
+pytestmark = pytest.mark.long
+
 TOP = "milepost/v1/full-1"
 STATE = f"{TOP}/state"
 LIAR = "radar-front"

@@ -15,6 +15,8 @@ import pytest
 
 from conftest import Outside, free_port
 
+pytestmark = pytest.mark.long
+
 MAGLEV = "deploy/trains/maglev.yaml"
 LINE = re.compile(r"20\d\d-\d\d-\d\dT\d\d:\d\d:\d\d\.\d{3}Z (debug|info|warning|error) (\S+): .+")
 # the command itself, with a bug in one kind of process

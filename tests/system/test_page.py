@@ -16,6 +16,8 @@ from test_feed import get, soon
 
 from conftest import free_port, running, title_of
 
+pytestmark = pytest.mark.long
+
 pytest.importorskip("nicegui", reason="no nicegui: pip install 'milepost[page]'")
 sync_api = pytest.importorskip("playwright.sync_api", reason="no playwright: pip install 'milepost[browser]'")
 CHROMIUM = next((found for name in ("chromium", "chromium-browser", "google-chrome") if (found := shutil.which(name))), None)

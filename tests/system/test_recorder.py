@@ -35,6 +35,8 @@ from milepost.runtime import zenoh_config
 from milepost.runtime.injecting.commands import send_command
 from milepost_schemas import BY_NAME, SpeedReading, encode
 
+pytestmark = pytest.mark.long
+
 TOP = "milepost/v1/full-1"
 SECOND = 1_000_000_000
 

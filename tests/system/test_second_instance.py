@@ -13,6 +13,8 @@ import pytest
 
 from conftest import Outside
 
+pytestmark = pytest.mark.long
+
 TRAIN = "deploy/trains/maglev.yaml"
 TOP = "milepost/v1/maglev-1"
 

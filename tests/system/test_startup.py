@@ -22,6 +22,8 @@ import pytest
 from conftest import free_port, title_of
 from conftest import running as running_train
 
+pytestmark = pytest.mark.long
+
 MAGLEV = "deploy/trains/maglev.yaml"
 NAMES = {"fuser", "filter radar", "filter loop", "balise", "sensor radar", "sensor loop", "sensor balise-reader", "world"}
 MOMENTS = ("reading", "starting", "router is there", "filter-loop is there", "world is there", "first state after")

@@ -16,6 +16,7 @@ import typer
 
 from milepost.cli.inject import Wanted, fields_of
 from milepost.cli.main import app, main
+from milepost.config.errors import ConfigError
 from milepost.config.shipped_files import names_in
 
 
@@ -239,3 +240,8 @@ def test_events_are_listed_with_severity_and_meaning(command: Command) -> None:
         "action": "end all instances but one",
     }
     assert row in rows
+
+
+def test_an_option_of_a_fault_that_is_missing_is_named_as_it_is_typed() -> None:
+    with pytest.raises(ConfigError, match="^inject: jump: --size: required$"):
+        fields_of(Wanted("gnss", "jump", [], None, False, ""))

@@ -311,7 +311,7 @@ def test_what_no_message_can_say_is_not_sent() -> None:
 
 MISTAKES: list[tuple[dict[str, Any], str]] = [
     ({"kind": "bais", "size": 1.0}, "must be one of bias, ramp"),
-    ({"kind": "bias"}, "size: Field required"),
+    ({"kind": "bias"}, "size: required"),
     ({"kind": "bias", "size": math.nan}, "size: Input should be a finite number"),
     ({"kind": "bias", "size": "much"}, "size: Input should be a valid number"),
     ({"kind": "bias", "size": 1.0, "rate": 1.0}, "rate: not an option of bias, which has size"),

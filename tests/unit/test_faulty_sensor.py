@@ -70,7 +70,7 @@ def test_a_command_without_a_fault_ends_all() -> None:
     ("kind", "fields", "says"),
     [
         ("broken", {}, "kind: must be one of bias"),
-        ("bias", {}, "size: Field required"),
+        ("bias", {}, "size: required"),
         ("duplicate", {"numbers": {"times": 1.5}}, "times: Input should be a valid integer"),
         ("jump", {"numbers": {"size": 5.0}}, "jump does not fit speed_reading"),
         ("bias", {"words": {"size": "five"}}, "size: Input should be a valid number"),

@@ -72,7 +72,7 @@ def fields_of(wanted: Wanted) -> dict[str, Any]:
                 {"unit": wanted.unit, "kind": wanted.fault, "from_s": 0.0, "for_s": wanted.for_s, **options}
             )
     except ValueError as error:
-        raise ConfigError("inject", wanted.fault, reason_of(error)) from error
+        raise ConfigError("inject", wanted.fault, _as_typed(reason_of(error), KINDS[wanted.fault])) from error
     return {
         "kind": wanted.fault,
         "for_s": wanted.for_s,
@@ -108,6 +108,12 @@ def _options(row: FaultKind, typed: Sequence[str]) -> dict[str, Any]:
 def _not_an_option(kind: str, word: str, known: Iterable[str]) -> str:
     typed = [_typed(name) for name in known]
     return f"{word}: not an option of {kind}, which has {', '.join(typed) or 'none'}{nearest(word, typed)}"
+
+
+def _as_typed(reason: str, row: FaultKind) -> str:
+    """A reason that begins with the option as it is typed, where it is about one: `--size: required`."""
+    name, colon, text = reason.partition(": ")
+    return f"{_typed(name)}: {text}" if colon and name in row.options.model_fields else reason
 
 
 def _typed(name: str) -> str:

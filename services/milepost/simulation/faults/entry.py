@@ -19,7 +19,7 @@ def reason_of(error: ValueError) -> str:
     if not isinstance(error, ValidationError):
         return str(error)
     first = error.errors(include_url=False)[0]
-    text = first["msg"].removeprefix("Value error, ")
+    text = "required" if first["type"] == "missing" else first["msg"].removeprefix("Value error, ")
     return ": ".join([*([".".join(map(str, first["loc"]))] if first["loc"] else []), text])
 
 
