@@ -243,5 +243,5 @@ def test_events_are_listed_with_severity_and_meaning(command: Command) -> None:
 
 
 def test_an_option_of_a_fault_that_is_missing_is_named_as_it_is_typed() -> None:
-    with pytest.raises(ConfigError, match="^inject: jump: --size: required$"):
+    with pytest.raises(ConfigError, match=r"^inject: jump: --size: required$"):
         fields_of(Wanted("gnss", "jump", [], None, False, ""))
