@@ -137,6 +137,26 @@ def test_what_cannot_be_read_is_refused_counted_and_reported(bench: Bench) -> No
     assert bench.next(Health).refused == {"undecodable": 2, "other_train": 1}
 
 
+class ClockByHand(Clock):
+    """A clock that shows what it is set to."""
+
+    shown_s = 100.0
+
+    def now_ns(self) -> int:
+        return round(self.shown_s * 1e9)
+
+
+def test_what_is_done_once_a_second_keeps_its_phase_however_late_it_was(bench: Bench) -> None:
+    """Nodes of one process that are held up together must not do it together ever after."""
+    clock, done_s = ClockByHand(), list[float]()
+    runner = Runner("sensor-radar", bench.node, bench.bus, clock, phase=0.3)
+    runner.every_second = lambda now_ns: done_s.append(now_ns * 1e-9)
+    for at_s in (101.0, 101.3, 102.9, 103.2, 103.4, 107.0, 107.2, 107.4):
+        clock.shown_s = at_s
+        runner.turn(None)
+    assert done_s == pytest.approx([101.3, 102.9, 103.4, 107.0, 107.4])
+
+
 def test_ticks_come_when_they_are_due(bench: Bench) -> None:
     now = time.time_ns()
     bench.node.ticks_ns = [now - 5 * MS, now - 4 * MS, now + 150 * MS]

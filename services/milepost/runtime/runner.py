@@ -165,7 +165,8 @@ class Runner:
 
     def _once_a_second(self, now_ns: int) -> None:
         """What waited too long, health where it is due, and processes that have a second instance."""
-        self._second_ns = now_ns + SECOND_NS
+        # however late this one was: nodes of a process that are held up together do not go together ever after
+        self._second_ns += SECOND_NS * ((now_ns - self._second_ns) // SECOND_NS + 1)
         if self._bus.waiting.dropped:
             text = f"more than {MOST_WAITING} messages of a key were waiting; the others were dropped unread"
             self._send(self._node.refuse("overflow", text, now_ns))
