@@ -176,7 +176,8 @@ def test_health_comes_once_a_second_with_rates_and_what_they_should_be(bench: Be
     assert (first.gaps, second.gaps) == (2, 2)
     assert second.received_hz == {}
     assert first.expected_hz == second.expected_hz == {"speed_reading": 100.0}
-    assert second.measured_at_ns - first.measured_at_ns >= 1_000 * MS
+    # sooner after one that was late, as both keep their phase
+    assert second.measured_at_ns - first.measured_at_ns >= 500 * MS
     assert (first.sequence, second.sequence) == (0, 1)
     assert len(every_second) >= 1
 
@@ -190,7 +191,7 @@ def test_health_comes_as_seldom_as_is_said_with_the_rates_of_all_that_time(bench
         bench.put(encode(reading(sequence)))
     first, second = bench.next(Health), bench.next(Health)
     assert first.measured_at_ns - begun_ns >= 1_900 * MS
-    assert second.measured_at_ns - first.measured_at_ns >= 1_900 * MS
+    assert second.measured_at_ns - first.measured_at_ns >= 1_500 * MS
     assert 1.0 < first.received_hz["speed_reading"] <= 2.1
     assert len(every_second) >= 3
 
