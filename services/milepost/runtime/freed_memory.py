@@ -4,23 +4,34 @@ from __future__ import annotations
 
 import ctypes
 import sys
-from collections.abc import Callable
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
-# mallopt's M_ARENA_MAX
+# mallopt's M_ARENA_MAX: each further arena keeps what was freed in it for its own threads
 ARENAS, MOST_ARENAS = -8, 2
-# so often what is free is given back
+# a look takes a tenth of a millisecond
 EVERY_S = 10.0
 
 
-def keep_together() -> None:
-    """Have glibc serve all threads from two arenas: each further one keeps what was freed in it for its own threads."""
+@contextmanager
+def giving_back(every_s: float = EVERY_S) -> Iterator[None]:
+    """A block in which a process now and then returns what its threads have freed: glibc would keep it after each burst."""
     _glibc("mallopt", ARENAS, MOST_ARENAS)
+    over = threading.Event()
 
+    def work() -> None:
+        while not over.wait(every_s):
+            _glibc("malloc_trim", 0)
 
-def give_back() -> None:
-    """Have glibc return the free pages of all arenas: after a burst it keeps them for the next one."""
-    _glibc("malloc_trim", 0)
+    thread = threading.Thread(target=work, daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        over.set()
+        thread.join()
 
 
 def _glibc(name: str, *arguments: int) -> None:

@@ -26,7 +26,7 @@ from milepost_schemas import SimulationStart
 from . import scenario_time, zenoh_config
 from .bus import Inbox, Stop, ZenohBus, open_session
 from .clock import Clock
-from .freed_memory import EVERY_S, give_back, keep_together
+from .freed_memory import giving_back
 from .inbox.taking import take
 from .logs.output import zenoh_in_log
 from .logs.records import set_up_log
@@ -172,14 +172,13 @@ def run_router(
     `attend` does something with its session as long as that is open, and with what Zenoh writes. `name`: of several, which one.
     """
     set_up_log(name)
-    keep_together()
     inbox: Inbox = queue.SimpleQueue()
     stop_on_signals(inbox)
     while True:
         config = zenoh_config.router(listen, link) if config_file is None else whole(config_file)
         certificate = zenoh_config.listening_certificate(config)
         reading = zenoh_in_log() if attend is None else nullcontext()
-        with reading, open_session(config, zenoh_log) as session, (attend or nullcontext)(session):
+        with giving_back(), reading, open_session(config, zenoh_log) as session, (attend or nullcontext)(session):
             log.info("listening on %s", ", ".join(config.get("listen", {}).get("endpoints", [])))
             why = _why_anew(certificate, inbox, parent)
             if why is None:
@@ -195,12 +194,8 @@ def _why_anew(certificate: Path | None, inbox: Inbox, parent: int | None) -> str
     that. Whoever was connected is no longer: the lease is over.
     """
     before = certificate.stat().st_mtime_ns if certificate is not None else 0
-    trimmed = time.monotonic()
     while parent is None or os.getppid() == parent:
         asleep = time.monotonic()
-        if asleep - trimmed > EVERY_S:
-            give_back()
-            trimmed = asleep
         try:
             take(inbox, PARENT_EVERY_S if certificate is None else LOOKS_EVERY_S)
         except queue.Empty:
