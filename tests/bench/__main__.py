@@ -11,6 +11,8 @@ import sys
 import numpy as np
 
 from .bank import measure_bank
+from .fleet import measure_fleet
+from .fleet import text as fleet_text
 from .live import (
     WINDOW_S,
     measure_fast_load,
@@ -25,6 +27,8 @@ from .steps import OFFLINE, measure_nodes, measure_offline, measure_steps
 
 STARTS = 5
 RECORD_S = 20.0
+# a fleet of the shipped kind, recorded: 200 trains for ten minutes take `python -m tests.bench.fleet`
+FLEET_TRAINS, FLEET_HZ, FLEET_S, FLEET_START_S = 30, 1.0, 20.0, 60.0
 
 
 def say(text: str) -> None:
@@ -63,6 +67,7 @@ def main() -> None:
             "fast": measure_fast_load(),
             "startup": measure_startup(STARTS),
             "recorder": measure_recorder(AIM_HZ, RECORD_S),
+            "fleet": measure_fleet(FLEET_TRAINS, FLEET_HZ, FLEET_S, "together", True, False, FLEET_START_S),
         }
     if options.json:
         print(json.dumps(found, indent=2))
@@ -105,6 +110,7 @@ def table(found: dict) -> None:
     recorder = live["recorder"]
     lost = f"{recorder['missing']:.0f} of {recorder['sent']:.0f} messages missing"
     print(f"recorder at {AIM_HZ:.0f} messages a second       {recorder['cores']:8.2f} cores, {lost} (aim 0)")
+    print(fleet_text(live["fleet"]).replace("; ", "\n  "))
 
 
 def table_of_security(costs: dict) -> None:

@@ -20,6 +20,8 @@ from milepost.evaluation.campaign import find
 from milepost.evaluation.plan import make_plan
 from milepost.evaluation.pool import Task, run_tasks
 
+pytestmark = pytest.mark.long
+
 TINY: dict[str, Any] = {
     "scenario": "tiny",
     "about": "Two seconds.",

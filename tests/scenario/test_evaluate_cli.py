@@ -14,6 +14,8 @@ from harness import MAGLEV, ROOT
 
 from examples import REMOVED, write_train
 
+pytestmark = pytest.mark.long
+
 ESTIMATORS = ["fused", "federated", "centralised", "loop_only"]
 FIGURES = ["position_rms_m", "position_max_m", "position_final_m", "speed_rms_mps", "speed_max_mps", "nees_mean"]
 DURATION_S = 3.0
