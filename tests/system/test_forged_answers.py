@@ -13,6 +13,8 @@ import pytest
 
 from conftest import Outside, Stack
 
+pytestmark = pytest.mark.long
+
 TOP = "milepost/v1/maglev-1"
 STATE = f"{TOP}/state"
 

@@ -24,6 +24,8 @@ pytest.importorskip("cryptography")
 from milepost.security.authority import IDENTITY, ROOT, Authority
 from milepost.security.bundle import BETWEEN_ROUTERS_S
 
+pytestmark = pytest.mark.long
+
 TOP = "milepost/v1/full-1"
 FORGED = b"forged"
 
