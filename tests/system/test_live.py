@@ -46,7 +46,7 @@ def test_truth_stays_out_of_what_a_wildcard_hears(maglev):
     assert not [key for key in heard_plainly if "@" in key]
 
 
-def test_only_what_nobody_waits_for_waits_for_more_to_send(maglev):
+def test_states_and_readings_are_sent_at_once_and_health_shares_packets(maglev):
     """A burst of samples that are sent one by one does not fit into a session's queue, and the rest of it is dropped."""
     _, outside = maglev
     alone: dict[str, bool] = {}

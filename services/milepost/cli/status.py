@@ -22,7 +22,7 @@ SILENT = "silent"
 def run_status(connect: Connection, as_json: bool, timeout_s: float) -> int:
     """Print the newest state of every train; 0 only if there is one, all speak and are normal, and no process runs twice.
 
-    A train of which a process is there is waited for: one whose fuser hangs would else be no train at all.
+    A train that has a process is waited for: one whose fuser hangs would otherwise be passed over.
     """
     states: dict[str, FusedState] = {}
     news = threading.Event()

@@ -11,7 +11,7 @@ from typing import Any
 
 # mallopt's M_ARENA_MAX: each further arena keeps what was freed in it for its own threads
 ARENAS, MOST_ARENAS = -8, 2
-# a look takes a tenth of a millisecond
+# a trim takes a tenth of a millisecond
 EVERY_S = 10.0
 
 

@@ -13,7 +13,16 @@ from milepost.recordings.importing.columns import Column, LogColumns
 from milepost.recordings.importing.figures import white_std
 from milepost.recordings.importing.inertial import AXES, inertial_parts
 from milepost.recordings.importing.names import unit_in, words_of
-from milepost.recordings.importing.rows import Array, Rows, gap_told, left_out_told, no_numbers_told, period_s, read_rows
+from milepost.recordings.importing.rows import (
+    FASTEST_MPS,
+    Array,
+    Rows,
+    gap_told,
+    left_out_told,
+    no_numbers_told,
+    period_s,
+    read_rows,
+)
 from milepost.recordings.importing.value_source import Part, value_recording
 
 from .units import UnitEntry, file_of, imu_options, wheel_options
@@ -22,8 +31,6 @@ from .way import Way
 # a filter needs no more readings than this a second: faster logs are averaged
 FASTEST_HZ, AVERAGE_S = 25.0, 0.05
 LEAST_STD_MPS = 0.07
-# no train is as fast: loggers write such numbers where they have none
-FASTEST_MPS = 200.0
 LEAST_ROWS = 10
 INERTIAL = [f"{quantity}_{axis}" for quantity in ("accel", "gyro") for axis in AXES]
 

@@ -42,7 +42,7 @@ export function follow(train, show) {
   function told(lost) {
     if (lost && notice.hidden) {
       for (const node of document.querySelectorAll("[data-figure]")) node.textContent = UNKNOWN;
-      // what happened has happened, whoever hears it
+      // the severity of a past event stays true without the server
       for (const node of document.querySelectorAll(".status[data-level]:not([data-past])")) setStatus(node, "idle", UNKNOWN);
       document.body.dataset.link = "lost";
     }

@@ -92,6 +92,8 @@ def course_off_deg(rows: Rows) -> float | None:
     if not rows.has("course"):
         return None
     off = np.abs((rows.values["course"] - courses(rows) + 180.0) % 360.0 - 180.0)
+    # neighbours share most of the way that is compared: one fix for each such way counts
+    off = off[np.unique(_way_m(rows) // COURSE_M, return_index=True)[1]]
     off = off[np.isfinite(off)]
     return float(np.median(off)) if len(off) >= LEAST_COURSES else None
 

@@ -21,7 +21,7 @@ LEAST_REPEATS = 1.5
 LONG_GAP_S, LONG_GAP_PERIODS = 10.0, 10.0
 # no device is silent for a day and for so many rows; where fixes themselves are hours apart, the unit of time is wrong
 SET_PERIODS = 1e4
-# as in messages
+# no train is as fast: loggers write such numbers where they have none
 FASTEST_MPS = 200.0
 # what loggers write where they have no value
 EMPTY = ("", "nan")
@@ -118,7 +118,7 @@ def placed(rows: Rows) -> Rows:
 
 
 def possible(rows: Rows) -> Rows:
-    """Fixes whose speed a train may have: one that is none would be taken for how hard the train is driven."""
+    """Fixes whose speed a train may have: any other would be taken for hard driving."""
     if "speed" not in rows.values:
         return rows
     # where none is told nothing is wrong
