@@ -66,10 +66,10 @@ class ScaledSpeed:
     def judge(self, memory: Any, reading: float, mean: Any, covariance: Any) -> Any:
         raise NotImplementedError
 
-    def each(self, reading: float, means: Any, covariances: Any) -> list[Stacked]:
-        v, scale = means[:, 1], means[:, 3]
-        h = np.zeros_like(means)
-        h[:, 1], h[:, 3] = 1.0 + scale, v
+    def each(self, reading: float, beliefs: Any) -> list[Stacked]:
+        v, scale = beliefs.mean(1), beliefs.mean(3)
+        h = np.zeros((4, len(v)))
+        h[1], h[3] = 1.0 + scale, v
         return [Stacked(h, reading + scale * v, np.full(len(v), self._variance))]
 
 

@@ -10,15 +10,15 @@ import numpy as np
 
 from milepost.config.roles import fuser_settings
 from milepost.config.train import load_train
+from milepost.estimation.beliefs import joined
 from milepost.estimation.estimator import Estimator
 from milepost.estimation.layout import Layout
-from milepost.estimation.motion import Steps
+from milepost.estimation.stack import Linear, Motion, Stack
 from milepost.fusion.evidence import WINDOWS, Bounds, extended
 from milepost.fusion.hypotheses import NOBODY, Doubts, Rows
 from milepost.fusion.information_rule import InformationFusion
 from milepost.fusion.rule import Fused
 from milepost.fusion.rules import RULES
-from milepost.fusion.stack import Stack
 from milepost.nodes.fuser import FuserNode
 from milepost.offline.collector import rare_collection
 from milepost.offline.run import simulate
@@ -75,16 +75,17 @@ def measure_bank(train_file: Path, duration_s: float = DURATION_S, rounds: int =
 
 def bare_arithmetic_us(layout: Layout, jerk_psd: float, hypotheses: int) -> float:
     """µs of numpy's calls for one prediction, one update and their tests, of a bank of this size, without any decision."""
-    n, stack, steps, bounds = layout.dimension, Stack(), Steps(layout, jerk_psd), Bounds(7.0)
-    x, P, sums = np.zeros((hypotheses, n)), np.tile(np.eye(n), (hypotheses, 1, 1)), np.zeros((len(WINDOWS), hypotheses))
-    h, taken = np.eye(n)[1], np.ones(hypotheses, dtype=bool)
+    n, stack, bounds = layout.dimension, Stack(), Bounds(7.0)
+    motion = Motion(layout, jerk_psd).over(0.02)
+    B, sums = joined(np.zeros((hypotheses, n)), np.tile(np.eye(n), (hypotheses, 1, 1))), np.zeros((len(WINDOWS), hypotheses))
+    row, taken = Linear(np.eye(n + 1)[1], 0.1, 0.04), np.ones(hypotheses, dtype=bool)
 
     def step() -> None:
-        moved, spread = stack.predict(x, P, *steps.over(0.02))
-        innovations = stack.innovations(moved, spread, h, 0.1, 0.04)
-        tested = extended(sums, innovations[2] / np.sqrt(innovations[1]))
+        moved = stack.predict(B, motion)
+        innovations = stack.innovations(moved, row)
+        tested = extended(sums, innovations.nu / innovations.root)
         np.count_nonzero(bounds.exceeded(tested, 100))
-        stack.update(moved, spread, h, 0.04, innovations, taken, None)
+        stack.update(moved, row, innovations, taken, None)
 
     timer = timeit.Timer(step)
     return min(timer.repeat(5, 2000)) / 2000 * 1e6

@@ -42,7 +42,7 @@ class Distrustful:
             return (), memory + 1, None, "off"
         return [((0.0, 1.0, 0.0), reading, 1.0)], memory, None, None
 
-    def each(self, reading: float, means: Any, covariances: Any) -> Any:
+    def each(self, reading: float, beliefs: Any) -> Any:
         raise NotImplementedError
 
 
@@ -60,9 +60,9 @@ class Squared:
     def judge(self, memory: None, reading: float, mean: Any, covariance: Any) -> tuple[Any, None, str | None, str | None]:
         raise NotImplementedError
 
-    def each(self, reading: float, means: Any, covariances: Any) -> list[Stacked]:
-        v = means[:, 1]
-        h = np.stack([0.0 * v, 2.0 * v, 0.0 * v], axis=1)
+    def each(self, reading: float, beliefs: Any) -> list[Stacked]:
+        v = beliefs.mean(1)
+        h = np.stack([0.0 * v, 2.0 * v, 0.0 * v])
         return [Stacked(h, reading + v * v, np.full(len(v), 4.0))]
 
 
@@ -169,7 +169,7 @@ def test_what_no_judge_can_use_is_refused_and_changes_nothing() -> None:
         def observe(self, reading: Any, belief: Any) -> Any:
             raise OverflowError
 
-        def observe_each(self, reading: Any, means: Any, covariances: Any) -> Any:
+        def observe_each(self, reading: Any, beliefs: Any) -> Any:
             raise OverflowError
 
         def notices(self) -> list[Any]:
@@ -250,7 +250,7 @@ def test_a_reading_that_tells_nothing_is_heard_and_not_refused() -> None:
     """GIVEN a train that stands WHEN the loop cannot tell which way it crossed THEN nobody excludes the loop for it."""
 
     class Speechless(Squared):
-        def each(self, reading: float, means: Any, covariances: Any) -> list[Stacked]:
+        def each(self, reading: float, beliefs: Any) -> list[Stacked]:
             return []
 
     line = timeline(Speechless())

@@ -41,8 +41,8 @@ class Speed:
     def judge(self, memory: Any, reading: float, mean: Any, covariance: Any) -> Any:
         raise NotImplementedError
 
-    def each(self, reading: float, means: Any, covariances: Any) -> list[Stacked]:
-        return [Stacked(np.array([0.0, 1.0, 0.0]), reading, 0.01)]
+    def each(self, reading: float, beliefs: Any) -> list[Stacked]:
+        return [Stacked((0.0, 1.0, 0.0), reading, 0.01)]
 
 
 def bank_of(kind: str, units: tuple[str, ...] = UNITS, trusted: bool = False) -> BankKernel:

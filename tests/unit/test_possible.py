@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from banks import Fault, Ride, between, bias, reader, receiver, speedometer
+from milepost.estimation.beliefs import joined
 from milepost.fusion.bank_state import Bank
 from milepost.fusion.possible import Possible, possible
 
@@ -54,7 +55,7 @@ def test_a_hypothesis_that_is_refuted_is_told_as_such_until_it_is_no_longer_a_nu
     alive[row] = False
     refuted = bank._replace(alive=alive)
     assert judgements(refuted)[("radar",)] == "refuted"
-    x = bank.x.copy()
+    x, P = bank.x.copy(), bank.P
     x[row, 1] = np.nan
-    told: list[Possible] = possible(refuted._replace(x=x))
+    told: list[Possible] = possible(refuted.moved(joined(x, P)))
     assert [each.without for each in told] == [without for without in ALONE if without != ("radar",)]

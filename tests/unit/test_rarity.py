@@ -8,7 +8,7 @@ from collections import Counter
 import pytest
 
 from banks import Fault, Ride, between, bias, noisy, reader, receiver, speedometer
-from milepost.fusion.bank_state import RAREST, by_chance, rarity
+from milepost.fusion.bank_state import RAREST, Channel, by_chance, rarity
 
 
 @pytest.mark.parametrize("fault", [bias(0.15), noisy(1.6)])
@@ -18,7 +18,7 @@ def test_the_power_of_ten_is_that_of_the_probability_itself(fault: Fault) -> Non
     found: Counter[int] = Counter()
     for moment in ride.moments(40.0, {"radar": between(10.0, 30.0, fault)}):
         bank = moment.bank
-        (chance,) = by_chance(bank, slice(bank.leader, bank.leader + 1))
+        chance = by_chance(bank)[bank.leader]
         assert rarity(bank) == int(-math.log10(max(chance, 10.0**-RAREST)))
         found[rarity(bank)] += 1
     assert found[0] > 0.5 * found.total()
@@ -27,4 +27,5 @@ def test_the_power_of_ten_is_that_of_the_probability_itself(fault: Fault) -> Non
 
 def test_nothing_heard_is_not_rare() -> None:
     ride = Ride([speedometer("radar")])
-    assert rarity(next(ride.moments(1.0)).bank._replace(channels=())) == 0
+    bank = next(ride.moments(1.0)).bank
+    assert rarity(bank._replace(channels=(Channel.begin(len(bank.alive)),) * len(bank.channels))) == 0

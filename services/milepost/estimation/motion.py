@@ -40,22 +40,33 @@ def _with_process_noise(matrix: Array, dt_s: float, jerk_psd: float) -> Array:
     return matrix
 
 
-def full_transition(dt_s: float, layout: Layout) -> Array:
-    """The transition over all states, shape (n, n): F(T) for the common block, exp(-T/τ) for each private state."""
-    matrix = layout.identity.copy()
-    matrix[0, 1] = matrix[1, 2] = dt_s
-    matrix[0, 2] = 0.5 * dt_s * dt_s
+def fill(F: Array, Q: Array, dt_s: float, jerk_psd: float, layout: Layout) -> None:
+    """Write the motion over T into the first n rows and columns of an identity F and of Q = 0.
+
+    F(T) and Q(T) for the common block, exp(-T/τ) and its noise for each private state.
+    """
+    F[0, 1] = F[1, 2] = dt_s
+    F[0, 2] = 0.5 * dt_s * dt_s
+    _with_process_noise(Q, dt_s, jerk_psd)
     for i, state in layout.changing:
-        matrix[i, i] = private_step(state, dt_s)[0]
-    return matrix
+        F[i, i], Q[i, i] = private_step(state, dt_s)
+
+
+def full_step(dt_s: float, jerk_psd: float, layout: Layout) -> tuple[Array, Array]:
+    """The transition and the process noise over all states, shape (n, n)."""
+    F, Q = layout.identity.copy(), np.zeros((layout.dimension, layout.dimension))
+    fill(F, Q, dt_s, jerk_psd, layout)
+    return F, Q
+
+
+def full_transition(dt_s: float, layout: Layout) -> Array:
+    """The transition over all states, shape (n, n); also backwards."""
+    return full_step(dt_s, 0.0, layout)[0]
 
 
 def full_process_noise(dt_s: float, jerk_psd: float, layout: Layout) -> Array:
     """The process noise over all states, shape (n, n)."""
-    matrix = _with_process_noise(np.zeros((layout.dimension, layout.dimension)), dt_s, jerk_psd)
-    for i, state in layout.changing:
-        matrix[i, i] = private_step(state, dt_s)[1]
-    return matrix
+    return full_step(dt_s, jerk_psd, layout)[1]
 
 
 def private_step(state: PrivateState, dt_s: float) -> tuple[float, float]:
@@ -83,6 +94,5 @@ class Steps:
         if step is None:
             if len(self._kept) >= KEPT_INTERVALS:
                 self._kept.clear()
-            step = full_transition(dt_s, self._layout), full_process_noise(dt_s, self._jerk_psd, self._layout)
-            self._kept[dt_s] = step
+            step = self._kept[dt_s] = full_step(dt_s, self._jerk_psd, self._layout)
         return step

@@ -6,17 +6,17 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from milepost.estimation.beliefs import joined
 from milepost.estimation.layout import N_COMMON, Array, Layout
-from milepost.estimation.motion import Steps, process_noise
 from milepost.estimation.observation import Observation
+from milepost.estimation.stack import Linear, Motion, Stack
 
-from .bank_state import CHANNELS, Bank, Channel
+from .bank_state import Bank, Channel
 from .evidence import REPEATS, Flags, extended
 from .finding import Finding
-from .hypotheses import MOTION_MODEL, NOBODY, Doubts, Rows, Units
+from .hypotheses import CHANNELS, MOTION_MODEL, NOBODY, Doubts, Rows, Units
 from .isolation import Isolation
-from .readings import Judge, Linear, Readings, said_by
-from .stack import Stack
+from .readings import Judge, Readings, dense, said_by
 from .verdicts import Verdict
 
 NEVER_HEARD = Verdict(None)
@@ -36,10 +36,9 @@ class BankKernel:
         self._judges, self._readings = judges, Readings(layout, judges)
         self._isolation = Isolation(layout, doubts)
         self._stack = Stack()
-        self._steps = Steps(layout, jerk_psd)
+        self._motion = Motion(layout, jerk_psd, max(0.0, doubts.hard_jerk_psd - jerk_psd))
         self._horizon_s = horizon_s
         self._prior = np.zeros(layout.dimension), np.eye(layout.dimension)
-        self._more_jerk_psd = max(0.0, doubts.hard_jerk_psd - jerk_psd)
 
     # --- beliefs in and out
 
@@ -58,8 +57,7 @@ class BankKernel:
         rows = self._isolation.rows(NOBODY)
         H, channels = len(rows.sets), CHANNELS * len(self.doubts.suspects)
         return Bank(
-            np.tile(np.asarray(mean, dtype=float), (H, 1)),
-            np.tile(np.asarray(covariance, dtype=float), (H, 1, 1)),
+            joined(np.tile(mean, (H, 1)), np.tile(covariance, (H, 1, 1))),
             (Channel.begin(H),) * channels,
             verdicts,
             rows,
@@ -87,11 +85,12 @@ class BankKernel:
         """All hypotheses `dt_s` seconds later."""
         if state.since_ns is None:
             return state
-        x, P = self._stack.predict(state.x, state.P, *self._steps.over(dt_s))
+        step = self._motion.over(dt_s)
+        B = self._stack.predict(state.beliefs, step)
         if state.rows.hard:
-            # the rows of a train that moves harder: Q is linear in the density
-            P[state.rows.hard.start :, :N_COMMON, :N_COMMON] += process_noise(dt_s, self._more_jerk_psd)
-        state = state.moved(x, P)
+            # the rows of a train that moves harder
+            B[:N_COMMON, :N_COMMON, state.rows.hard.start :] += step.harder
+        state = state.moved(B)
         return state if state.waiting is None else self._waited(state, dt_s)
 
     def _waited(self, state: Bank, dt_s: float) -> Bank:
@@ -107,10 +106,10 @@ class BankKernel:
 
         The prior is that at the first reading: if that one came from a clock that is behind, the train has not moved since.
         """
-        (mean, covariance), x, P = self._prior, state.x.copy(), state.P.copy()
-        x[begins], P[begins] = mean, covariance
-        P[begins, 0, 0] += (mean[1] * state.waited_s) ** 2
-        return state._replace(x=x, P=P)
+        (mean, covariance), B = self._prior, state.beliefs.copy()
+        B[:, :, begins] = joined(mean[None], covariance[None])
+        B[0, 0, begins] += (mean[1] * state.waited_s) ** 2
+        return state.moved(B)
 
     def take(self, state: Bank, observation: Observation) -> Bank:
         """All hypotheses after one observation, or after a whole reading."""
@@ -118,9 +117,9 @@ class BankKernel:
         verdict = state.verdicts.get(unit, NEVER_HEARD)
         memory, gating, refused = verdict.memory, verdict.gating, verdict.refused
         if observation.reading is None:
-            rows: Sequence[Linear] = (Linear(np.array(observation.row), observation.value, observation.variance),)
+            rows: Sequence[Linear] = (Linear(dense(observation.row), observation.value, observation.variance),)
         else:
-            rows, memory, gating, refused = self._readings.rows(memory, observation, state.x, state.P, state.leader)
+            rows, memory, gating, refused = self._readings.rows(memory, observation, state.beliefs, state.leader)
         suspect = self.doubts.by_unit.get(unit)
         # an odd reading is judged below; and where a decision excludes the unit, nobody asks what counted
         counts = refused is None and unit not in state.rows.excluded and not (suspect and suspect.odd_alone)
@@ -133,7 +132,7 @@ class BankKernel:
         for component, row in enumerate(rows):
             if learns:
                 verdict = state.verdicts[unit]
-                row, verdict = self._readings.learned(unit, component, row, verdict, state.x, state.P, at_ns)
+                row, verdict = self._readings.learned(unit, component, row, verdict, state.beliefs, at_ns)
                 state = state.judged(unit, verdict)
             state = self._observe(state, unit, min(component, CHANNELS - 1), row, at_ns)
         if rows and state.waiting is not None:
@@ -146,23 +145,21 @@ class BankKernel:
 
     def _observe(self, state: Bank, unit: str, component: int, row: Linear, at_ns: int) -> Bank:
         """Test one scalar observation against every hypothesis, and update those that use the unit."""
-        h, z, R, present = row
-        innovations = self._stack.innovations(state.x, state.P, h, z, R)
-        _, S, nu = innovations
+        innovations, present = self._stack.innovations(state.beliefs, row), row.present
         uses, scale = state.rows.uses(unit), self.layout.scales.get(unit)
         if present is not None:
             uses = uses & present
         suspect = self.doubts.by_unit.get(unit)
         if suspect is None:
-            return state.moved(*self._stack.update(state.x, state.P, h, R, innovations, uses, scale))
-        e = nu / np.sqrt(S)
+            return state.moved(self._stack.update(state.beliefs, row, innovations, uses, scale))
+        e = innovations.nu / innovations.root
         if present is not None:
             e = np.where(present, e, 0.0)
         odd = uses & (np.abs(e) > self.doubts.threshold) if suspect.odd_alone else None
         place = self._isolation.channel(unit) + component
-        heard = _tested(state.channels[place], e, nu, odd)
+        heard = _tested(state.channels[place], e, innovations.nu, odd)
         taken = uses if odd is None else uses & ~odd
-        after = state.tested(*self._stack.update(state.x, state.P, h, R, innovations, taken, scale), place, heard)
+        after = state.tested(self._stack.update(state.beliefs, row, innovations, taken, scale), place, heard)
         struck = None
         if odd is not None:
             # where others are in doubt, a fix that fits one hypothesis is a witness against those that it does not fit
@@ -172,7 +169,7 @@ class BankKernel:
         stuck = state.verdicts[unit].repeats >= REPEATS
         common = 0.0
         if unit in state.rows.excluded:
-            common = 1.0 - float((R / S)[state.leader])
+            common = 1.0 - float((row.R / innovations.S)[state.leader])
         return self._isolation.decide(state, after, Finding(unit, at_ns, uses, heard, struck, stuck, common=common))
 
 

@@ -12,11 +12,9 @@ from numpy.typing import NDArray
 from milepost.estimation.layout import Array
 
 from .evidence import TESTS, Flags, statistics, usual, worst_by_chance
-from .hypotheses import Rows
+from .hypotheses import CHANNELS, Rows
 from .verdicts import Reset, Verdict
 
-# a reading may have two rows: the tests of each are apart
-CHANNELS = 2
 # evidence beyond 10⁻⁴ tells no more: then the row is about to be refuted
 RAREST = 4
 
@@ -54,15 +52,14 @@ class Channel(NamedTuple):
 class Bank(NamedTuple):
     """The kernel's state: H hypotheses over n states, and what was heard of each unit.
 
-    `x` (H, n), `P` (H, n, n); `alive` (H): not refuted; `dead_ns` (H): when refuted, 0 for those alive. `channels`:
-    for the tests, apart, so that states share what does not change. `leader`: the row that is published. `since_ns`: the time
-    of the first observation that counted. `waiting` (H): rows that have heard none of their units in the `waited_s` since,
-    None where there are none. `wary_until_ns`: how long what explains an exclusion otherwise
-    is published after the unit was readmitted.
+    `beliefs` (n + 1, n + 1, H) as `joined` makes them; `alive` (H): not refuted; `dead_ns` (H): when refuted, 0 for those
+    alive. `channels`: for the tests, apart, so that states share what does not change. `leader`: the row that is published.
+    `since_ns`: the time of the first observation that counted. `waiting` (H): rows that have heard none of their units in the
+    `waited_s` since, None where there are none. `wary_until_ns`: how long what explains an exclusion otherwise is published
+    after the unit was readmitted.
     """
 
-    x: Array
-    P: Array
+    beliefs: Array
     channels: tuple[Channel, ...]
     verdicts: Mapping[str, Verdict]
     rows: Rows
@@ -77,18 +74,28 @@ class Bank(NamedTuple):
 
     # what each reading changes comes first, and is changed by these: `_replace` takes four times as long
 
-    def moved(self, x: Array, P: Array) -> Bank:
+    def moved(self, beliefs: Array) -> Bank:
         """With other beliefs."""
-        return Bank(x, P, *self[2:])
+        return Bank(beliefs, *self[1:])
 
-    def tested(self, x: Array, P: Array, place: int, channel: Channel) -> Bank:
+    def tested(self, beliefs: Array, place: int, channel: Channel) -> Bank:
         """With other beliefs and another channel at a place."""
         channels = self.channels
-        return Bank(x, P, (*channels[:place], channel, *channels[place + 1 :]), *self[3:])
+        return Bank(beliefs, (*channels[:place], channel, *channels[place + 1 :]), *self[2:])
 
     def judged(self, unit: str, verdict: Verdict) -> Bank:
         """With another verdict on a unit."""
-        return Bank(self.x, self.P, self.channels, {**self.verdicts, unit: verdict}, *self[4:])
+        return Bank(self.beliefs, self.channels, {**self.verdicts, unit: verdict}, *self[3:])
+
+    @property
+    def x(self) -> Array:
+        """The means (H, n)."""
+        return self.beliefs[:-1, -1].T
+
+    @property
+    def P(self) -> Array:  # noqa: N802
+        """The covariances (H, n, n)."""
+        return self.beliefs[:-1, :-1].transpose(2, 0, 1)
 
     def innovations(self, row: int) -> list[float]:
         """The last innovation of each channel in a row."""
@@ -97,8 +104,7 @@ class Bank(NamedTuple):
     def of(self, index: list[int]) -> Bank:
         """With what other rows believe and learned, each the continuation of the row `index`."""
         return self._replace(
-            x=self.x[index],
-            P=self.P[index],
+            beliefs=self.beliefs.take(index, axis=2),
             channels=tuple(channel.of(index) for channel in self.channels),
             verdicts={u: v.continued(index) if v.noise else v for u, v in self.verdicts.items()},
             waiting=None if self.waiting is None else self.waiting[index],
@@ -159,43 +165,41 @@ def protected(state: Bank) -> tuple[tuple[float, float], tuple[float, float]]:
     The rarer by noise alone the tests of the row that leads are, the likelier is each other hypothesis.
     """
     held, K = state.rows.intervals(state.alive, state.leader, rarity(state))
-    variances = np.diagonal(state.P, axis1=1, axis2=2)[held, :2]
+    centre, variances = state.beliefs[:2, -1][:, held], state.beliefs[(0, 1), (0, 1)][:, held]
     if state.waiting is not None:
         # a row that is about to begin may still be where it was at the first reading of all, whose clock may be behind
         begins = (state.waiting & ~state.rows.deaf)[held]
-        variances[:, 0] += np.where(begins, (state.x[held, 1] * state.waited_s) ** 2, 0.0)
-    centre, reach = state.x[held, :2], K[:, None] * np.sqrt(variances)
-    (low, slow), (high, fast) = (centre - reach).min(axis=0).tolist(), (centre + reach).max(axis=0).tolist()
+        variances[0] += np.where(begins, (centre[1] * state.waited_s) ** 2, 0.0)
+    reach = K * np.sqrt(variances)
+    (low, slow), (high, fast) = (centre - reach).min(axis=1).tolist(), (centre + reach).max(axis=1).tolist()
     return (low, high), (slow, fast)
 
 
 def rarity(state: Bank) -> int:
     """r: by noise alone the worst test over all units that the leading row uses is as bad in one of 10ʳ cases."""
-    row, suspects = state.leader, state.rows.doubts.suspects
-    uses = [bool(state.rows.uses(suspect.unit)[row]) for suspect in suspects]
-    used = [channel for i, channel in enumerate(state.channels) if channel.readings and uses[i // CHANNELS]]
+    row, channels = state.leader, state.channels
+    used = [channels[i] for i in state.rows.channels(row) if channels[i].readings]
     if not used:
         return 0
-    bounds = usual((len(TESTS) - 1) * len(used)).of([channel.readings for channel in used])
-    sums = np.array([channel.sums[1:, row] for channel in used])
-    if not (np.abs(sums) > bounds[1:].T).any():
+    tests, counts = (len(TESTS) - 1) * len(used), [channel.readings for channel in used]
+    sums = np.array([channel.sums[:, row] for channel in used]).T
+    if not np.count_nonzero(np.abs(sums[1:]) > usual(tests).of(counts)[1:]):
         # most often: then by how much does not matter
         return 0
-    (chance,) = by_chance(state, slice(row, row + 1))
+    (chance,) = worst_by_chance(np.array([statistics(sums, counts)[1:].max()]), np.array([tests]))
     return int(-math.log10(max(chance, 10.0**-RAREST)))
 
 
-def by_chance(state: Bank, rows: slice) -> Array:
-    """For each of these rows, the probability that the worst test over all units that it uses is as bad by noise alone."""
+def by_chance(state: Bank) -> Array:
+    """For each row, the probability that the worst test over all units that it uses is as bad by noise alone."""
     suspects = state.rows.doubts.suspects
     heard = [(suspects[i // CHANNELS].unit, channel) for i, channel in enumerate(state.channels) if channel.readings]
     if not heard:
-        return np.ones(len(state.x))[rows]
-    sums = np.concatenate([channel.sums[:, rows] for _, channel in heard], axis=1)
-    H = sums.shape[1] // len(heard)
+        return np.ones(len(state.alive))
+    sums, H = np.concatenate([channel.sums for _, channel in heard], axis=1), len(state.alive)
     # without the first test: the last reading alone is no evidence of long standing
     told = statistics(sums, np.repeat([channel.readings for _, channel in heard], H))[1:]
-    uses = np.array([state.rows.uses(unit)[rows] for unit, _ in heard])
+    uses = np.array([state.rows.uses(unit) for unit, _ in heard])
     worst = np.where(uses, told.max(axis=0).reshape(-1, H), 0.0).max(axis=0)
     return worst_by_chance(worst, len(told) * uses.sum(axis=0))
 
@@ -207,5 +211,5 @@ def likeliest(state: Bank, rows: Flags) -> int:
     one is left.
     """
     hearing = rows & ~state.rows.deaf
-    odds = state.rows.chances * by_chance(state, slice(None))
+    odds = state.rows.chances * by_chance(state)
     return int(np.argmax(np.where(hearing if hearing.any() else rows, odds, -1.0)))

@@ -15,6 +15,8 @@ from .evidence import SECONDS_PER_HOUR, Flags, normal_reach, threshold
 Units = frozenset[str]
 NOBODY: Units = frozenset()
 NO_ALTERNATIVES: frozenset[Units] = frozenset()
+# a reading may have two rows: the tests of each are apart
+CHANNELS = 2
 # a state's errors are the same for about so long: as many independent chances of being outside there are in an hour
 DECORRELATION_S = 10.0
 # where one cause explains all that is seen, another that is so much less likely is not considered
@@ -140,6 +142,7 @@ class Rows:
         self.deaf = np.array([not followed - units for units in self.sets])
         self.places = {units: i for i, units in enumerate(self.sets)}
         self._uses: dict[str, Flags] = {}
+        self._channels: dict[int, tuple[int, ...]] = {}
         self._intervals: dict[tuple[bytes, int, int], tuple[Flags, NDArray[np.float64]]] = {}
 
     def uses(self, unit: str) -> Flags:
@@ -148,6 +151,15 @@ class Rows:
         if flags is None:
             flags = self._uses[unit] = np.array([unit not in units for units in self.sets])
         return flags
+
+    def channels(self, row: int) -> tuple[int, ...]:
+        """The channels of the units that a row uses."""
+        kept = self._channels.get(row)
+        if kept is None:
+            suspects = enumerate(self.doubts.suspects)
+            used = [i for i, suspect in suspects if suspect.unit not in self.sets[row]]
+            kept = self._channels[row] = tuple(CHANNELS * i + component for i in used for component in range(CHANNELS))
+        return kept
 
     def published(self, alive: Flags) -> Flags:
         """The rows whose intervals are published together.

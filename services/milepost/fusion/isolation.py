@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from milepost.estimation.beliefs import joined
 from milepost.estimation.layout import N_COMMON, Layout
 
-from .bank_state import CHANNELS, Bank, led, likeliest, narrowed, protected, recomposed
+from .bank_state import Bank, led, likeliest, narrowed, protected, recomposed
 from .evidence import Bounds, Flags
 from .finding import Finding
-from .hypotheses import MOTION_MODEL, NO_ALTERNATIVES, NOBODY, Doubts, Rows, Units, sources
+from .hypotheses import CHANNELS, MOTION_MODEL, NO_ALTERNATIVES, NOBODY, Doubts, Rows, Units, sources
 from .recovery import FORGET_NS, PROBATION_NS, WARY_NS, alternatives, disagreement, forgotten, passed, revived, widened
 from .verdicts import Exclusion, Reset, Verdict
 
@@ -102,8 +103,8 @@ class Isolation:
         if prior is None:
             return None
         places, mean, reach = prior
-        far = np.abs(state.x[:, places] - mean) > reach
-        return np.asarray(far.any(axis=1)) if np.count_nonzero(far) else None
+        far = np.abs(state.beliefs[places, -1] - mean[:, None]) > reach[:, None]
+        return np.asarray(far.any(axis=0)) if np.count_nonzero(far) else None
 
     def _excluded(self, before: Bank, state: Bank, row: int, why: Exclusion) -> Bank:
         old, units = state.rows, state.rows.sets[row]
@@ -128,18 +129,16 @@ class Isolation:
         """
         if unit not in self._priors or not self._doubts.by_unit[unit].slips:
             return state
-        own = list(range(*self._priors[unit][0].indices(len(state.x[0]))))
+        B, own = state.beliefs.copy(), self._priors[unit][0]
         more = 4.0 if unit in slipping else 1.0
-        x, P = state.x.copy(), state.P.copy()
         for row, units in enumerate(state.rows.sets):
             heard = before.rows.places.get(units - slipping)
             if heard is None:
                 continue
-            x[row, own] = before.x[heard, own]
-            P[row, own, :] = 0.0
-            P[row, :, own] = 0.0
-            P[np.ix_([row], own, own)] = more * before.P[heard][np.ix_(own, own)]
-        return state._replace(x=x, P=P)
+            B[own, :, row] = B[:, own, row] = 0.0
+            B[own, own, row] = more * before.beliefs[own, own, heard]
+            B[own, -1, row] = B[-1, own, row] = before.beliefs[own, -1, heard]
+        return state.moved(B)
 
     def _noted(self, state: Bank, units: Units, why: Exclusion, nu: list[float]) -> Bank:
         """Note why units are excluded, each by its own last innovation `nu` (channels); their tests begin again."""
@@ -165,7 +164,7 @@ class Isolation:
         new = self.rows(units)
         out = recomposed(before, new, [best] * len(new.sets))
         out = out._replace(
-            P=np.tile(wide, (len(new.sets), 1, 1)),
+            beliefs=joined(out.x, np.tile(wide, (len(new.sets), 1, 1))),
             channels=tuple(channel.fresh() for channel in out.channels),
             reset=Reset(at_ns, abs(high - low), abs(fast - slow), "no hypothesis was left: the bank starts again"),
         )

@@ -3,38 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, NamedTuple, Protocol
+from functools import lru_cache
+from typing import Any, Protocol
 
 import numpy as np
 
+from milepost.estimation.beliefs import Beliefs
 from milepost.estimation.layout import PLACES_OF_COMMON, Array, Layout
 from milepost.estimation.noise.learner import Learner, Seen, learned
 from milepost.estimation.observation import Observation
+from milepost.estimation.stack import Linear, Stack
 
-from .evidence import Flags
-from .stack import Stack
 from .verdicts import Verdict
 
+# most rows are the same again and again
+KEPT_ROWS = 256
 # what readings measure, one field of each kind
 MEASURED = ("longitude_deg", "specific_force_mps2", "speed_mps")
 
 LinearRow = tuple[tuple[float, ...], float, float]
 
 
-class Linear(NamedTuple):
-    """z = h x + e, e ~ N(0, R): h (n), z, R for all hypotheses alike, or h (H, n), z (H), R (H) for each.
-
-    `present` (H): which hypotheses have the row; None: all.
-    """
-
-    h: Array
-    z: Any
-    R: Any
-    present: Flags | None = None
-
-
 class StackedRow(Protocol):
-    """h (H, k) or (k), z, R and who has the row, over the k states of a unit."""
+    """h (k, H), or k numbers for all beliefs, z, R and who has the row, over the k states of a unit."""
 
     @property
     def value(self) -> Any: ...
@@ -63,8 +54,8 @@ class Judge(Protocol):
     ) -> tuple[Sequence[LinearRow], Any, str | None, str | None]:
         """The rows, the memory after the reading, the reason for gating, and the reason for which the reading is refused."""
 
-    def each(self, reading: Any, means: Array, covariances: Array) -> Sequence[StackedRow] | None:
-        """A pure judge's rows at each of H beliefs, means (H, k), covariances (H, k, k).
+    def each(self, reading: Any, beliefs: Beliefs) -> Sequence[StackedRow] | None:
+        """A pure judge's rows at each of H beliefs.
 
         None where the reading is not usable; no row where it tells nothing.
         """
@@ -74,49 +65,55 @@ class Readings:
     """A train's readings as rows over all states. `judges`: by unit."""
 
     def __init__(self, layout: Layout, judges: Mapping[str, Judge]) -> None:
-        self._layout, self._judges = layout, judges
+        self._judges = judges
+        self._row = lru_cache(KEPT_ROWS)(lambda unit, h: dense(layout.lift(unit, h)))
         self.learners = {unit: judge.learner for unit, judge in judges.items() if judge.learner is not None}
         self._stack = Stack()
-        own = {unit: np.array(layout.indices.get(unit, PLACES_OF_COMMON)) for unit in judges}
-        # the places in x, and in P row by row
-        self._places = {unit: (places, (layout.dimension * places[:, None] + places).ravel()) for unit, places in own.items()}
+        places = {unit: layout.indices.get(unit, PLACES_OF_COMMON) for unit in judges}
+        self._places = {unit: (own, np.array(own)) for unit, own in places.items()}
 
     def learned(
-        self, unit: str, component: int, row: Linear, verdict: Verdict, x: Array, P: Array, at_ns: int
+        self, unit: str, component: int, row: Linear, verdict: Verdict, beliefs: Array, at_ns: int
     ) -> tuple[Linear, Verdict]:
         """A row as each hypothesis learned to take it, and the verdict with what it learned.
 
         What a hypothesis learns follows from what it believes, so that nothing is in it that it never heard.
         """
-        learner, noise, (h, z, R, present) = self.learners[unit], verdict.noise, row
-        _, c, nu = self._stack.innovations(x, P, h, z, 0.0) if learner.needs_belief else (None, 0.0, z)
+        learner, noise, z, R, present = self.learners[unit], verdict.noise, row.z, row.R, row.present
+        nu: Any = z
+        c: Any = 0.0
+        if learner.needs_belief:
+            _, c, _, nu = self._stack.innovations(beliefs, row._replace(R=0.0))
         seen = Seen(*(np.atleast_1d(np.asarray(number, dtype=float)) for number in (z, R, nu, np.maximum(c, 0.0))))
         last = noise[component] if component < len(noise) else None
         judged, after = learned(learner, last, at_ns, seen, None if present is None else ~present)
         verdict = verdict._replace(noise=(*noise[:component], after, *noise[component + 1 :]))
-        return Linear(h, judged.value, np.broadcast_to(judged.variance, len(x)), present), verdict
+        return row._replace(z=judged.value, R=np.broadcast_to(judged.variance, beliefs.shape[2])), verdict
 
     def rows(
-        self, memory: Any, observation: Observation, x: Array, P: Array, leader: int
+        self, memory: Any, observation: Observation, beliefs: Array, leader: int
     ) -> tuple[list[Linear], Any, str | None, str | None]:
-        """A reading's rows for the hypotheses x (H, n), P (H, n, n), and what the judge says of it at the leading one."""
+        """A reading's rows for all hypotheses, and what the judge says of it at the leading one."""
         unit, reading = observation.unit, observation.reading
-        judge, (own, pairs) = self._judges[unit], self._places[unit]
-        k = len(own)
+        judge, (places, own) = self._judges[unit], self._places[unit]
+        seen = Beliefs(beliefs, places)
         if not judge.pure:
-            mean, covariance = x[leader].take(own), P[leader].take(pairs).reshape(k, k)
-            rows, memory, gating, refused = judge.judge(memory, reading, mean, covariance)
-            return [Linear(np.array(self._layout.lift(unit, h)), z, R) for h, z, R in rows], memory, gating, refused
-        means, covariances = x.take(own, axis=1), P.reshape(len(P), -1).take(pairs, axis=1).reshape(-1, k, k)
-        each = judge.each(reading, means, covariances)
+            rows, memory, gating, refused = judge.judge(memory, reading, *seen.of(leader))
+            return [Linear(self._row(unit, h), z, R) for h, z, R in rows], memory, gating, refused
+        each = judge.each(reading, seen)
         if each is None:
             return [], memory, None, "unusable"
         out = []
         for h, z, R, present in each:
-            full = np.zeros((*h.shape[:-1], self._layout.dimension))
-            full[..., own] = h
-            out.append(Linear(full, z, R, present))
+            alike = isinstance(h, tuple)
+            out.append(Linear(self._row(unit, h), z, R, present) if alike else Linear(h, z, R, present, own))
         return out, memory, None, None
+
+
+@lru_cache(KEPT_ROWS)
+def dense(h: tuple[float, ...]) -> Array:
+    """A row h (n) of all hypotheses, as `Stack` takes it."""
+    return np.array((*h, 0.0))
 
 
 def said_by(observation: Observation) -> Any:
@@ -125,4 +122,8 @@ def said_by(observation: Observation) -> Any:
     if reading is None:
         return observation.value
     fields = reading.__dict__
-    return next((fields[name] for name in MEASURED if fields.get(name) is not None), None)
+    for name in MEASURED:
+        said = fields.get(name)
+        if said is not None:
+            return said
+    return None

@@ -64,12 +64,12 @@ def forgotten(state: Bank, rows: Flags, places: slice, mean: Array, reach: Array
 
     Its prior is `mean` (k) ± `reach` (k), which is `limit` σ.
     """
-    x, P = state.x.copy(), state.P.copy()
-    x[rows, places] = mean
-    P[rows, places, :] = 0.0
-    P[rows, :, places] = 0.0
-    P[rows, places, places] = np.diag((reach / limit) ** 2)
-    return state._replace(x=x, P=P)
+    B, those = state.beliefs.copy(), state.beliefs[:, :, rows]
+    those[places] = those[:, places] = 0.0
+    those[places, places] = np.diag((reach / limit) ** 2)[:, :, None]
+    those[places, -1] = those[-1, places] = mean[:, None]
+    B[:, :, rows] = those
+    return state.moved(B)
 
 
 def alternatives(state: Bank, blamed: Units) -> frozenset[Units]:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from milepost.estimation.beliefs import Beliefs
 from milepost.estimation.layout import Array
 from milepost.estimation.noise.learner import Learner
 from milepost.fusion.readings import LinearRow, StackedRow
@@ -58,13 +59,13 @@ class UnitJudge:
             return (), memory, None, "unusable"
         return rows, observer.memory, observer.gating, observer.refused
 
-    def each(self, reading: Any, means: Array, covariances: Array) -> Sequence[StackedRow] | None:
+    def each(self, reading: Any, beliefs: Beliefs) -> Sequence[StackedRow] | None:
         """A reading's rows at each of H beliefs, from a sensor that remembers nothing; None where one is not usable.
 
         No row: it tells nothing, as a speed without a sign at a stop.
         """
         try:
-            rows = self._sensor.observe_each(reading, means, covariances)
+            rows = self._sensor.observe_each(reading, beliefs)
         except UNUSABLE:
             return None
         return rows if all([_usable(row.value, row.variance) for row in rows]) else None  # noqa: C419 (a list is faster here)
@@ -72,7 +73,9 @@ class UnitJudge:
 
 def _usable(value: Array | float, variance: Array | float) -> bool:
     """Whether values are finite and variances within limits."""
-    least, largest = (variance.min(), variance.max()) if isinstance(variance, np.ndarray) else (variance, variance)
+    # methods of an array take three times as long as these
+    many = isinstance(variance, np.ndarray)
+    least, largest = (np.minimum.reduce(variance), np.maximum.reduce(variance)) if many else (variance, variance)
     # a sum is finite where every value is
-    total = value.sum() if isinstance(value, np.ndarray) else value
-    return math.isfinite(total) and least >= LEAST_VARIANCE and bool(largest <= LARGEST_VARIANCE)
+    total = np.add.reduce(value) if isinstance(value, np.ndarray) else value
+    return math.isfinite(total) and bool(least >= LEAST_VARIANCE and largest <= LARGEST_VARIANCE)

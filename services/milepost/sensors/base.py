@@ -9,7 +9,8 @@ from typing import Annotated, Any, ClassVar, Generic, Literal, NamedTuple, Proto
 
 from pydantic import BaseModel, Field
 
-from milepost.estimation.layout import Array, PrivateState
+from milepost.estimation.beliefs import Beliefs
+from milepost.estimation.layout import PrivateState
 from milepost.estimation.notice import Notice
 from milepost.recordings.column_map import CsvSource
 from milepost.recordings.column_options import RecordingOptions
@@ -162,10 +163,10 @@ class Sensor(ABC, Generic[O]):
     def observe(self, reading: Any, belief: Belief | None) -> Sequence[Observed]:
         """A reading as observations, linearised, where need be, at `belief`."""
 
-    def observe_each(self, reading: Any, means: Array, covariances: Array) -> list[Stacked]:
-        """A reading's rows at each of H beliefs, means (H, k), covariances (H, k, k): `observe`, for all at once."""
-        beliefs = map(Belief, means, covariances)
-        return stacked([self.observe(reading, belief) for belief in beliefs], means.shape[1])
+    def observe_each(self, reading: Any, beliefs: Beliefs) -> list[Stacked]:
+        """A reading's rows at each of H beliefs: `observe`, for all at once."""
+        each = [Belief(*beliefs.of(row)) for row in range(beliefs.array.shape[2])]
+        return stacked([self.observe(reading, belief) for belief in each], len(beliefs.places))
 
     def observer(self) -> Observer:
         """The observer in a filter's process: the sensor itself, where no memory is needed."""

@@ -27,9 +27,9 @@ class Observed(NamedTuple):
 
 
 class Stacked(NamedTuple):
-    """A row for each of H beliefs: h (H, k) or alike for all (k), z (H), R (H); `present` (H): who has it; None: all."""
+    """A row for each of H beliefs: h (k, H), or k numbers for all, z (H), R (H); `present` (H): who has it; None: all."""
 
-    row: Array
+    row: Array | tuple[float, ...]
     value: Array | float
     variance: Array | float
     present: NDArray[np.bool_] | None = None
@@ -39,10 +39,10 @@ def stacked(each: Sequence[Sequence[Observed]], size: int) -> list[Stacked]:
     """The rows of one reading at H beliefs over `size` states, one beside the other."""
     out = []
     for component in range(max(map(len, each))):
-        h, z, R = np.zeros((len(each), size)), np.zeros(len(each)), np.ones(len(each))
+        h, z, R = np.zeros((size, len(each))), np.zeros(len(each)), np.ones(len(each))
         present = np.array([component < len(found) for found in each])
         for i, found in enumerate(each):
             if present[i]:
-                h[i], z[i], R[i] = found[component]
+                h[:, i], z[i], R[i] = found[component]
         out.append(Stacked(h, z, R, None if present.all() else present))
     return out

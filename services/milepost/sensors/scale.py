@@ -8,7 +8,8 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field, model_validator
 
-from milepost.estimation.layout import N_COMMON, Array, PrivateState
+from milepost.estimation.beliefs import Beliefs
+from milepost.estimation.layout import N_COMMON, PrivateState
 from milepost.simulation.noise import MarkovNoise, WalkNoise
 
 from .base import SensorOptions, World
@@ -88,12 +89,12 @@ def scaled_speed(speed_mps: float, variance_m2ps2: float, belief: Belief | None,
     return Observed((0.0, 1.0, 0.0, -expected), value, variance)
 
 
-def scaled_speeds(speed_mps: float, variance_m2ps2: float, means: Array, covariances: Array) -> Stacked:
-    """`scaled_speed` at each of H beliefs, means (H, 4), covariances (H, 4, 4)."""
-    moments = covariances[:, 1, 1], covariances[:, 1, SCALE], covariances[:, SCALE, SCALE]
-    expected, value, variance = _linearised(speed_mps, variance_m2ps2, means[:, 1], means[:, SCALE], *moments)
-    rows = np.zeros((len(means), 4))
-    rows[:, 1], rows[:, SCALE] = 1.0, -expected
+def scaled_speeds(speed_mps: float, variance_m2ps2: float, beliefs: Beliefs) -> Stacked:
+    """`scaled_speed` at each of H beliefs."""
+    moments = beliefs.covariance(1, 1), beliefs.covariance(1, SCALE), beliefs.covariance(SCALE, SCALE)
+    expected, value, variance = _linearised(speed_mps, variance_m2ps2, beliefs.mean(1), beliefs.mean(SCALE), *moments)
+    rows = np.zeros((4, len(expected)))
+    rows[1], rows[SCALE] = 1.0, -expected
     return Stacked(rows, value, variance)
 
 
@@ -101,7 +102,9 @@ def _linearised(z: float, R: float, v: Any, k: Any, P_vv: Any, P_kv: Any, P_kk: 
     """The expected reading, the value and the variance of `scaled_speed`, for numbers and for arrays."""
     mu = 1.0 + k
     expected = v / mu
-    hPh = P_vv - 2.0 * expected * P_kv + expected * expected * P_kk
     c = P_kv - expected * P_kk
+    # P_vv - 2 ẑ P_κv + ẑ² P_κκ
+    hPh = P_vv - expected * (P_kv + c)
+    squared = mu * mu
     value = expected + mu * (z - expected) + c / mu
-    return expected, value, mu * mu * R + (P_kk * hPh + c * c) / (mu * mu)
+    return expected, value, squared * R + (P_kk * hPh + c * c) / squared

@@ -71,7 +71,7 @@ class Line:
     def slopes_at(self, positions_m: Array) -> Array:
         """`slope_at` at many positions."""
         if not self.gradient:
-            return np.zeros(len(positions_m))
+            return np.zeros_like(positions_m)
         at_m, slopes = self._profile
         return np.interp(positions_m, at_m, slopes)
 

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from milepost.estimation.noise.learner import Learned
-from milepost.fusion.bank_state import CHANNELS, Bank, Channel
+from milepost.fusion.bank_state import Bank, Channel
 from milepost.fusion.evidence import TESTS
-from milepost.fusion.hypotheses import MOTION_MODEL, Rows, Units
+from milepost.fusion.hypotheses import CHANNELS, MOTION_MODEL, Rows, Units
 from milepost.fusion.verdicts import Verdict
 from milepost.nodes.fuser_settings import FuserSettings
 from milepost.nodes.judges import UnitJudge
@@ -32,8 +32,7 @@ def bank_coder(settings: FuserSettings, rows_of: RowsOf) -> Coder:
     flags = array(bool, (None,))
     coder = record(
         Bank,
-        x=array(float, (None, n)),
-        P=array(float, (None, n, n)),
+        beliefs=array(float, (n + 1, n + 1, None)),
         channels=fixed(
             lambda *each: each, tuple, {str(place): channel for place in range(CHANNELS * len(settings.doubts.suspects))}
         ),
@@ -97,8 +96,7 @@ def _sound(bank: Bank, needed: set[str]) -> Bank:
     """The bank, if its parts fit each other and its beliefs are beliefs. Raises Misfit."""
     H = len(bank.rows.sets)
     lengths = {
-        "x": len(bank.x),
-        "P": len(bank.P),
+        "beliefs": bank.beliefs.shape[2],
         "alive": len(bank.alive),
         "dead_ns": len(bank.dead_ns),
         "waiting": H if bank.waiting is None else len(bank.waiting),
@@ -114,7 +112,7 @@ def _sound(bank: Bank, needed: set[str]) -> Bank:
             raise Misfit(f"verdicts: {unit}: what was learned is not of {H} rows")
     if not 0 <= bank.leader < H or not bank.alive.any() or any(c.readings < 0 for c in bank.channels):
         raise Misfit("no row that leads")
-    if not _beliefs(bank.x, bank.P):
+    if not _beliefs(bank):
         raise Misfit("a belief is none")
     return bank
 
@@ -125,9 +123,10 @@ def _first_axes(memory: Any) -> list[int]:
     return [len(memory)]
 
 
-def _beliefs(x: Any, P: Any) -> bool:
+def _beliefs(bank: Bank) -> bool:
     """Whether all numbers are finite, and all covariances symmetric and positive semi-definite but for rounding."""
-    if not (np.isfinite(x).all() and np.isfinite(P).all()):
+    x, P = bank.x, bank.P
+    if not np.isfinite(bank.beliefs).all() or bank.beliefs[-1, -1].any() or not np.array_equal(bank.beliefs[-1, :-1].T, x):
         return False
     variances = np.diagonal(P, axis1=1, axis2=2)
     if (variances < 0.0).any():

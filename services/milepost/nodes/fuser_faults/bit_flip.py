@@ -6,6 +6,7 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 
+from milepost.estimation.beliefs import joined
 from milepost.fusion.bank_state import Bank
 from milepost.fusion.information_rule import InformationFusion
 from milepost.nodes.around import Around
@@ -62,6 +63,6 @@ class CorruptibleFuser(Around):
         cell = P[row, place, place : place + 1] if options.covariance else x[row, place : place + 1]
         before = float(cell[0])
         cell.view(np.uint64)[0] ^= np.uint64(1 << options.bit)
-        rule.estimator.timeline.rebase(at_ns, bank.moved(x, P))
+        rule.estimator.timeline.rebase(at_ns, bank.moved(joined(x, P)))
         what = "variance of " if options.covariance else ""
         return f"bit {options.bit} of the {what}{options.state} flipped: {before:g} is {float(cell[0]):g}"

@@ -9,7 +9,8 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field, model_validator
 
-from milepost.estimation.layout import Array, PrivateState
+from milepost.estimation.beliefs import Beliefs
+from milepost.estimation.layout import PrivateState
 from milepost.recordings.measured import Measured, Source
 from milepost.simulation.noise import MarkovNoise, WhiteNoise
 from milepost_schemas import InertialReading
@@ -22,6 +23,8 @@ from .learning import LearningUnit, LearnOptions
 
 GRAVITY_MPS2 = 9.80665
 AXES = ("forward", "right", "down")
+# where a belief's gravity is looked at, in its standard deviations: (3, 1)
+AROUND = np.array([[0.0], [1.0], [-1.0]])
 NonNegative = Annotated[float, Field(ge=0.0)]
 Positive = Annotated[float, Field(gt=0.0)]
 
@@ -119,13 +122,13 @@ class Imu(Sensor[ImuOptions]):
         row = (0.0, 0.0, 1.0) + (1.0,) * len(self.private_states)
         return (Observed(row, reading.specific_force_mps2[0] - gravity, R),)
 
-    def observe_each(self, reading: InertialReading, means: Array, covariances: Array) -> list[Stacked]:
+    def observe_each(self, reading: InertialReading, beliefs: Beliefs) -> list[Stacked]:
         """`observe` at each belief; h is the same for all."""
-        s, reach = means[:, 0], np.sqrt(np.maximum(covariances[:, 0, 0], 0.0))
-        slopes = self.line.slopes_at(np.concatenate([s, s + reach, s - reach]))
-        here, ahead, behind = np.split(GRAVITY_MPS2 * slopes / np.sqrt(1.0 + slopes * slopes), 3)
+        s, reach = beliefs.mean(0), np.sqrt(np.maximum(beliefs.covariance(0, 0), 0.0))
+        slopes = self.line.slopes_at(s + AROUND * reach)
+        here, ahead, behind = GRAVITY_MPS2 * slopes / np.sqrt(1.0 + slopes * slopes)
         R = self.options.noise_density_mps2_rthz**2 / reading.mean_over_s + 0.25 * (ahead - behind) ** 2
-        row = np.array((0.0, 0.0, 1.0) + (1.0,) * len(self.private_states))
+        row = (0.0, 0.0, 1.0) + (1.0,) * len(self.private_states)
         return [Stacked(row, reading.specific_force_mps2[0] - here, R)]
 
     def observer(self) -> Observer:

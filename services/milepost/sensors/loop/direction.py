@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from milepost.estimation.layout import Array
+from milepost.estimation.beliefs import Beliefs
 
 from ..observed import Belief, Observed, Stacked
 from .options import SIGMAS
@@ -74,12 +74,12 @@ def signed(speed_mps: float, variance_m2ps2: float, belief: Belief | None) -> tu
     return (Observed(SPEED, v + (mean - v) * (equivalent + P) / P, equivalent),)
 
 
-def signed_each(speed_mps: float, variance_m2ps2: float, means: Array, covariances: Array) -> Stacked | None:
+def signed_each(speed_mps: float, variance_m2ps2: float, beliefs: Beliefs) -> Stacked | None:
     """`signed` at each of H beliefs, where every one of them knows the sign; None where one does not."""
     z, R = speed_mps, variance_m2ps2
     if z < 0.0:
-        return Stacked(np.array(SPEED), z, R)
-    v = means[:, 1]
-    if (np.abs(2.0 * z * v) < CERTAIN * (covariances[:, 1, 1] + R)).any():
+        return Stacked(SPEED, z, R)
+    v = beliefs.mean(1)
+    if (np.abs(2.0 * z * v) < CERTAIN * (beliefs.covariance(1, 1) + R)).any():
         return None
-    return Stacked(np.array(SPEED), np.copysign(z, v), R)
+    return Stacked(SPEED, np.copysign(z, v), R)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from milepost.estimation.layout import Array
+from milepost.estimation.beliefs import Beliefs
 from milepost.recordings.measured import Source
 
 from ..base import Pause, Sensor, World
@@ -60,13 +60,13 @@ class InductionLoop(Sensor[InductionLoopOptions]):
             z, R = self._counted(z, R, dt, belief, faults)
         return signed(z, R, belief)
 
-    def observe_each(self, reading: Any, means: Array, covariances: Array) -> list[Stacked]:
+    def observe_each(self, reading: Any, beliefs: Beliefs) -> list[Stacked]:
         """`observe` at each belief."""
         if reading.speed_mps is not None and self.options.faults is None:
-            together = signed_each(reading.speed_mps, reading.speed_variance_m2ps2, means, covariances)
+            together = signed_each(reading.speed_mps, reading.speed_variance_m2ps2, beliefs)
             if together is not None:
                 return [together]
-        return super().observe_each(reading, means, covariances)
+        return super().observe_each(reading, beliefs)
 
     def _counted(
         self, speed_mps: float, variance_m2ps2: float, dt: float, belief: Belief | None, faults: Faults

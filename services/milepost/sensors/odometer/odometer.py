@@ -8,7 +8,8 @@ from typing import Annotated, Any
 
 from pydantic import BaseModel, Field
 
-from milepost.estimation.layout import Array, PrivateState
+from milepost.estimation.beliefs import Beliefs
+from milepost.estimation.layout import PrivateState
 from milepost.recordings.measured import Source
 from milepost.recordings.options import STRICT
 
@@ -97,12 +98,12 @@ class Odometer(Sensor[OdometerOptions]):
         bound = reading.speed_max_mps * (1.0 if belief is None else 1.0 + float(belief.mean[SCALE]))
         return (Observed((0.0, 1.0, 0.0, 0.0), 0.0, self.options.limits.bound_variance(bound, reading.interval_s)),)
 
-    def observe_each(self, reading: Any, means: Array, covariances: Array) -> list[Stacked]:
+    def observe_each(self, reading: Any, beliefs: Beliefs) -> list[Stacked]:
         """`observe` at each belief."""
         measured = self._measured(reading)
         if measured is None:
-            return super().observe_each(reading, means, covariances)
-        return [scaled_speeds(*measured, means, covariances)]
+            return super().observe_each(reading, beliefs)
+        return [scaled_speeds(*measured, beliefs)]
 
     def _measured(self, reading: Any) -> tuple[float, float] | None:
         """The speed and its variance; None for a bound.

@@ -6,10 +6,10 @@ import math
 from collections.abc import Sequence
 from typing import Annotated, Any, TypeVar
 
-import numpy as np
 from pydantic import Field
 
-from milepost.estimation.layout import Array, PrivateState
+from milepost.estimation.beliefs import Beliefs
+from milepost.estimation.layout import PrivateState
 from milepost.recordings.options import Span
 from milepost.simulation.noise import MarkovNoise, WhiteNoise
 
@@ -228,11 +228,11 @@ class RadarSensor(Sensor[R]):
             return (Observed((0.0, 1.0, 0.0), z, variance),)
         return (scaled_speed(z, variance, belief, scale),)
 
-    def observe_each(self, reading: Any, means: Array, covariances: Array) -> list[Stacked]:
+    def observe_each(self, reading: Any, beliefs: Beliefs) -> list[Stacked]:
         """`observe` at each belief."""
         z, variance = reading.speed_mps, reading.speed_variance_m2ps2
         if z is None or not self.options.signed:
-            return super().observe_each(reading, means, covariances)
+            return super().observe_each(reading, beliefs)
         if self.options.scale is None:
-            return [Stacked(np.array((0.0, 1.0, 0.0)), z, variance)]
-        return [scaled_speeds(z, variance, means, covariances)]
+            return [Stacked((0.0, 1.0, 0.0), z, variance)]
+        return [scaled_speeds(z, variance, beliefs)]
