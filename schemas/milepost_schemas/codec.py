@@ -44,7 +44,7 @@ def unpack(payload: bytes) -> object:
     try:
         return msgpack.unpackb(payload)
     except Exception as error:  # msgpack raises ValueError, StackError, ExtraData and more on garbage
-        raise Refused("undecodable", f"not msgpack: {error or type(error).__name__}") from error
+        raise Refused("undecodable", f"not msgpack: {str(error) or type(error).__name__}") from error
 
 
 def from_fields(fields: object, schema: type[P]) -> P:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
 from typing import Any, get_args
 
@@ -16,6 +17,7 @@ from examples import examples_of, parts, replaced, values, without
 from milepost.cli.schema import schema_files
 from milepost.runtime.bus import PRIORITIES
 from milepost_schemas import ROOT, STREAMS, Message, Refused, Stream, alive_key, decode, encode, rpc_key, simulation_start_key
+from milepost_schemas.codec import unpack
 from milepost_schemas.streams import Pace
 
 each_row = pytest.mark.parametrize("row", STREAMS, ids=lambda row: row.name)
@@ -315,6 +317,14 @@ def test_every_truncated_payload_is_refused(row: Stream) -> None:
             with pytest.raises(Refused) as caught:
                 decode(payload[:size], row.message)
             assert caught.value.reason == "undecodable"
+
+
+@pytest.mark.parametrize("payload", [b"", b"\xc1", b"\x81", b"\x01\x02", b"\xd9\x02\xff\xfe"])
+def test_a_payload_that_is_no_msgpack_is_refused_with_a_reason(payload: bytes) -> None:
+    with pytest.raises(Refused) as caught:
+        unpack(payload)
+    assert caught.value.reason == "undecodable"
+    assert re.fullmatch(r"not msgpack: \S.*", caught.value.detail)
 
 
 @each_row
