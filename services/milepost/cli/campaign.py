@@ -37,7 +37,7 @@ def run_campaign_command(
     _check_report(report, file.campaign)
     planned = cells(path, file, runs, seed)
     kept = resume if resume is not None or report is None else report / RESULTS
-    text = f"{file.campaign}: {len(planned)} cells"
+    text = f"{file.campaign}, {len(planned)} cells" if len(planned) > 1 else file.campaign
     with results_file(kept) as results, progress_bar(text, work_s(planned)) as show:
         try:
             campaign = run_campaign(file, planned, _executor(dask, jobs), results, show)
