@@ -6,7 +6,7 @@ import io
 
 import pytest
 
-from milepost.cli.progress import ProgressLines, progress_bar
+from milepost.cli.showing.progress import ProgressLines, progress_bar
 
 
 def test_a_log_gets_a_line_a_minute() -> None:

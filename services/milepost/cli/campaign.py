@@ -15,7 +15,7 @@ from milepost.campaign.results_file import results_file
 from milepost.campaign.text import table
 from milepost.config.yaml_files import ConfigError
 
-from .progress import progress_bar
+from .showing.progress import progress_bar
 
 RESULTS = "runs.jsonl"
 

@@ -15,7 +15,7 @@ from milepost.evaluation.campaign import Evaluated, Skipped, as_fields, evaluate
 from milepost.evaluation.plan import Plan, make_plan
 from milepost.evaluation.tables import claims_table, estimator_table
 
-from .progress import progress_bar
+from .showing.progress import progress_bar
 
 RUNS_OF_ALL = 20
 

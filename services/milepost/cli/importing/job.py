@@ -19,7 +19,7 @@ from milepost.recordings.importing.log_file import LogFile, open_log
 from milepost.recordings.importing.speed_unit import known_columns, shown_by
 from milepost.recordings.importing.times import ISO
 
-from ..progress import progress_bar
+from ..showing.progress import progress_bar
 
 BYTES_A_CELL = 8
 

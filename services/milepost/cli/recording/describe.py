@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from milepost.config.errors import ConfigError
 from milepost.recorder.library import need_mcap, need_parquet
 
-from ..progress import progress_bar
+from ..showing.progress import progress_bar
 
 if TYPE_CHECKING:
     from milepost.recorder.summary import Summary

@@ -8,7 +8,7 @@ from pathlib import Path
 from milepost.recorder.library import need_mcap
 from milepost.runtime.zenoh_config import Connection
 
-from ..progress import progress_bar
+from ..showing.progress import progress_bar
 
 
 def run_replay(

@@ -14,7 +14,7 @@ from milepost.offline.message_log import Reader
 from milepost.offline.run import replay
 from milepost_schemas import FusedState
 
-from ..progress import progress_bar
+from ..showing.progress import progress_bar
 
 ORIGINS = {"readings": ("reading",), "estimates": ("estimate", "fix")}
 
