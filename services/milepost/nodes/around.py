@@ -47,6 +47,10 @@ class Around(Node):
         """Continue from a running process's feedback."""
         return self.inner.catch_up(feedback, now_ns)
 
+    def began(self, start_ns: int) -> None:
+        """Note when scenario time began."""
+        self.inner.began(start_ns)
+
     def hand_over(self, now_ns: int) -> Iterator[SnapshotPart]:
         """What the node knows."""
         return self.inner.hand_over(now_ns)

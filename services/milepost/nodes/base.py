@@ -116,6 +116,9 @@ class Node:
         """After a restart, continue from the feedback that a running process still has. Returns whether it was used."""
         return False
 
+    def began(self, start_ns: int) -> None:
+        """Note when scenario time began."""
+
     def hand_over(self, now_ns: int) -> Iterator[SnapshotPart]:  # noqa: ARG002
         """All that it knows, for a peer that was restarted: each part takes its time when it is asked for."""
         return iter(())

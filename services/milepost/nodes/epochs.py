@@ -9,6 +9,8 @@ from typing import NamedTuple
 BACKLOG_NS = 1_000_000_000
 # how long the first epoch waits for units without any reading
 HOLD_NS = 1_000_000_000
+# a fuser whose first observation comes so long after the beginning was started again; a reading may be 0.5 s ahead
+LATE_NS = 600_000_000
 
 
 class Times(NamedTuple):
@@ -27,11 +29,12 @@ class Times(NamedTuple):
 
 
 class Epochs:
-    """Epochs lie on the grid t_k = k · period. `times` is all that is remembered."""
+    """Epochs lie on the grid t_k = k · period. `times` is all that is remembered. `began_ns`: when the train did, if known."""
 
     def __init__(self, period_ns: int) -> None:
         self.period_ns = period_ns
         self.times = Times()
+        self.began_ns: int | None = None
 
     @property
     def next_ns(self) -> int | None:
@@ -58,6 +61,11 @@ class Epochs:
             if all_heard() or now_ns - heard_ns >= HOLD_NS:
                 epoch_ns = self.grid(max(earliest_ns, now_ns - self.period_ns))
         self.times = Times(earliest_ns, max(latest_ns, at_ns), heard_ns, epoch_ns, *self.times[4:])
+
+    def late_since(self, at_ns: int) -> int | None:
+        """When the train began, where an observation is the first one and comes long after that."""
+        first, began_ns = self.times.earliest_ns is None, self.began_ns
+        return began_ns if first and began_ns is not None and at_ns - began_ns > LATE_NS else None
 
     def skipped(self, now_ns: int) -> int:
         """Skip the live epochs that are too old; returns how many."""

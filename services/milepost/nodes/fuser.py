@@ -7,13 +7,14 @@ from functools import cached_property
 
 import numpy as np
 
+from milepost.estimation.layout import Array
 from milepost.estimation.observation import FUTURE_NS, UNTIMELY, Observation
 from milepost.estimation.time_units import NS_PER_S
 from milepost.fusion.information_rule import InformationFusion
 from milepost.fusion.rule import Fused, LocalBelief
 from milepost.fusion.rules import RULES
 from milepost.track.line import Line
-from milepost_schemas import AbsoluteFix, Estimate, Feedback, FusedState, Gaussian, Message, Refused, SnapshotPart
+from milepost_schemas import AbsoluteFix, Estimate, Feedback, FusedState, Message, Refused, SnapshotPart
 
 from .base import Node, Output, Subscription
 from .catching_up.snapshot import Memory, Snapshots, resume
@@ -23,10 +24,9 @@ from .judgements import note_judgements
 from .observations import of_estimate, of_fix, whole_readings
 from .roster import UNKNOWN, Presence, Roster
 from .telling.decisions import Decisions, only_decided
+from .telling.feedback import feedback_of
 from .telling.hypotheses import hypotheses
 from .telling.state_writer import StateWriter
-
-INTERVAL = ("position_min_m", "position_max_m", "speed_min_mps", "speed_max_mps")
 
 
 class FuserNode(Node):
@@ -39,15 +39,8 @@ class FuserNode(Node):
         super().__init__(train, unit, instance)
         self.subscriptions = [Subscription("estimate"), Subscription("fix")]
         self._settings = settings
-        self.rule = self._rule = RULES[settings.rule](
-            settings.layout,
-            settings.jerk_psd,
-            settings.prior,
-            settings.horizon_ns,
-            settings.feedback,
-            settings.judges,
-            settings.doubts,
-        )
+        stated = settings.layout, settings.jerk_psd, settings.prior, settings.horizon_ns, settings.feedback
+        self.rule = self._rule = RULES[settings.rule](*stated, settings.judges, settings.doubts)
         self._roster = Roster(settings.units, settings.shares, settings.deadline_ns)
         self._decisions = Decisions()
         self._filtered = {row.unit for row in settings.units if row.fused} - settings.judges.keys()
@@ -73,11 +66,17 @@ class FuserNode(Node):
         """Continue from a former fuser's last state, however old: its covariance grows with its age, the prior's does not."""
         if feedback.fused.states != self._rule.names or feedback.measured_at_ns > now_ns + FUTURE_NS:
             return False
-        mean, covariance = np.array(feedback.fused.mean), np.array(feedback.fused.covariance)
-        self._rule.start_from(feedback.measured_at_ns, mean, covariance)
-        self._epochs.continue_from(feedback.measured_at_ns)
-        self._roster.expect_from(feedback.measured_at_ns)
+        self._continue_from(feedback.measured_at_ns, np.array(feedback.fused.mean), np.array(feedback.fused.covariance))
         return True
+
+    def began(self, start_ns: int) -> None:
+        """The prior is that of this time, for a fuser that nobody tells of a fused state and that hears nothing until later."""
+        self._epochs.began_ns = start_ns
+
+    def _continue_from(self, at_ns: int, mean: Array, covariance: Array) -> None:
+        self._rule.start_from(at_ns, mean, covariance)
+        self._epochs.continue_from(at_ns)
+        self._roster.expect_from(at_ns)
 
     @cached_property
     def _snapshots(self) -> Snapshots | None:
@@ -180,6 +179,9 @@ class FuserNode(Node):
             yield from self.refuse_reading(observation.unit, observation.sequence, observation.instance, reason, now_ns)
             return
         self._roster.arrived(observation.unit, at, now_ns)
+        if (began_ns := self._epochs.late_since(at)) is not None:
+            prior = self._settings.prior
+            self._continue_from(began_ns, *self._settings.layout.prior(prior.mean, prior.std))
         self._epochs.observed(at, self._roster.all_heard, now_ns)
 
     def _publish_ready(self, now_ns: int) -> Iterator[Output]:
@@ -223,10 +225,8 @@ class FuserNode(Node):
         state = self._writer.write(head, fused, presence, since_ns, missing, settled=False)
         yield Output("state", "", state)
         if self._settings.feedback and epoch_ns // self._settings.period_ns % self._settings.feedback_every == 0:
-            body = Gaussian(states=self._rule.names, mean=fused.mean, covariance=fused.covariance)
             head = self.head("feedback", epoch_ns, now_ns)
-            interval = {name: getattr(state, name) for name in INTERVAL}
-            self._feedback = Feedback(**head, fused=body, shares=dict(presence.shares), **interval)
+            self._feedback = feedback_of(head, self._rule.names, fused, presence, state)
             yield Output("feedback", "", self._feedback)
         if fused.bank is not None and epoch_ns % NS_PER_S < self._settings.period_ns:
             head = self.head("hypotheses", epoch_ns, now_ns)

@@ -23,6 +23,8 @@ from milepost_schemas import SimulationStart
 
 # a process that comes later than this into a running simulation was started again
 LATE_S = 3.0
+# and one that listens and comes later than this: a slow one has all since the beginning in its inbox
+AGAIN_S = 0.5
 # listeners outlive the end of a simulation by this, to hear its last messages
 GRACE_NS = NS_PER_S // 5
 # who has nothing more to say so shortly before the end stays until the listeners are gone: they would tell that it is absent
@@ -58,9 +60,13 @@ class Part:
 
     def node_in_time(self, first: Node, start: SimulationStart | None, clock: Clock) -> Node:
         """The node that takes the first one's place once scenario time is known, if its role depends on it."""
-        if start is None or not self.role.uses_world:
+        if start is None:
             return first
         late_s = (clock.now_ns() - start.start_ns) / NS_PER_S
+        if not self.role.uses_world:
+            if late_s > AGAIN_S:
+                first.began(start.start_ns)
+            return first
         # a process that is a little late still begins at the beginning: the prior belongs to the first reading
         from_s = late_s if late_s > LATE_S else 0.0
         setting = Setting(first.instance, self.world, start.start_ns, from_s, self.until_s)
