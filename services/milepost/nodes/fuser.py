@@ -70,7 +70,7 @@ class FuserNode(Node):
         return True
 
     def began(self, start_ns: int) -> None:
-        """The prior is that of this time, for a fuser that nobody tells of a fused state and that hears nothing until later."""
+        """Note when scenario time began: without a fused state, and with a later first reading, the prior is of then."""
         self._epochs.began_ns = start_ns
 
     def _continue_from(self, at_ns: int, mean: Array, covariance: Array) -> None:

@@ -23,7 +23,7 @@ from milepost_schemas import SimulationStart
 
 # a process that comes later than this into a running simulation was started again
 LATE_S = 3.0
-# and one that listens and comes later than this: a slow one has all since the beginning in its inbox
+# a listener that comes later than this may have missed the first readings; one that was only slow has them in its inbox
 AGAIN_S = 0.5
 # listeners outlive the end of a simulation by this, to hear its last messages
 GRACE_NS = NS_PER_S // 5
