@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import signal
 import subprocess
@@ -107,6 +108,20 @@ class Outside:
         self._kept.clear()
         self.session.close()
         self._measures.close()
+
+
+def width_m(state: dict) -> float:
+    """How wide a state's interval of the position is."""
+    return state["position_max_m"] - state["position_min_m"]
+
+
+def widest_m(before: dict, first: dict) -> float:
+    """How wide the first state of a fuser may be that continues from the state `before`, even if it heard no reading since.
+
+    Meanwhile the train moves no harder than white jerk of q = 50 m²/s⁵ drives it: 3 σ on either side, with σ² = q t⁵ / 20.
+    """
+    gap_s = (first["measured_at_ns"] - before["measured_at_ns"]) / 1e9
+    return width_m(before) + 1.0 + 6.0 * math.sqrt(50.0 * gap_s**5 / 20.0)
 
 
 def start(train: str, *options: str) -> tuple[Stack, Outside]:
