@@ -21,12 +21,17 @@ from milepost.sensors.observed import Stacked
 T0 = 1_000 * NS_PER_S
 MEAN, STD = np.array([0.0, 20.0, 0.0]), np.array([0.5, 0.3, 0.05])
 JERK_PSD = 1e-3
-SPEED, POSITION = (0.0, 1.0, 0.0), (1.0, 0.0, 0.0)
+POSITION, SPEED, ACCELERATION = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 
 
 def true_position(t_s: float) -> float:
     """20 m/s and a slow wave."""
     return 20.0 * t_s + 2.5 * (1.0 - math.cos(0.2 * t_s))
+
+
+def true_acceleration(t_s: float) -> float:
+    """The derivative of the speed."""
+    return 0.1 * math.cos(0.2 * t_s)
 
 
 def true_speed(t_s: float) -> float:
@@ -76,6 +81,11 @@ class ScaledSpeed:
 def speedometer(unit: str, std: float = 0.1, hz: float = 20.0, phase_s: float = 0.0, rate: float = 1e-4) -> Device:
     """A device that measures the speed."""
     return Device(Suspect(unit, rate, hz, never_repeats=True), true_speed, std, SPEED, phase_s)
+
+
+def accelerometer(unit: str = "accelerometer", std: float = 0.02, hz: float = 20.0, rate: float = 1e-4) -> Device:
+    """A device that measures the acceleration."""
+    return Device(Suspect(unit, rate, hz, never_repeats=True), true_acceleration, std, ACCELERATION, 0.04)
 
 
 def receiver(unit: str = "receiver", std: float = 0.5, hz: float = 5.0, rate: float = 1e-4) -> Device:
@@ -156,7 +166,9 @@ class Ride:
 
     def doubts(self) -> Doubts:
         """What is held possible on this train."""
-        return Doubts(tuple(d.suspect for d in self.devices), self.groups)
+        speeds = frozenset(d.unit for d in self.devices if d.row in (None, SPEED))
+        positions = frozenset(d.unit for d in self.devices if d.row == POSITION and not d.suspect.odd_alone)
+        return Doubts(tuple(d.suspect for d in self.devices), self.groups, speed_units=speeds, position_units=positions)
 
     def observations(self, duration_s: float, faults: Mapping[str, Fault]) -> list[Observation]:
         """All that the devices say, in order of time; a device's noise is the same whatever the others do."""

@@ -259,3 +259,11 @@ def test_with_one_wheel_excluded_the_others_are_as_likely_as_their_common_cause(
     assert doubts(rates).sets(A)[0][A | B] == 1e-5
     assert doubts(rates, groups=((A | B, 4e-4),)).sets(A)[0][A | B] == pytest.approx(0.4)
     assert doubts(rates, groups=((A | B, 4e-3),)).sets(A)[0][A | B] == 1.0
+
+
+def test_another_explanation_by_one_cause_is_not_one_of_several() -> None:
+    """Beside a: that b lies, or both wheels b and c slip, is one cause; that the train moves hard beside it, is two."""
+    train = doubts(OFTEN, hard_motion_probability=1e-6, groups=((B | C, 4e-3),))
+    rows = Rows(train, A, frozenset((B, B | C, C | HARD)))
+    assert [rows.sets[i] for i in np.flatnonzero(rows.several)] == [C | HARD]
+    assert not Rows(train, NOBODY).several.any()

@@ -162,15 +162,25 @@ class BankKernel:
         after = state.tested(self._stack.update(state.beliefs, row, innovations, taken, scale), place, heard)
         struck = None
         if odd is not None:
-            # where others are in doubt, a fix that fits one hypothesis is a witness against those that it does not fit
-            witness = not state.alive[0] and bool((state.alive & taken).any())
-            struck = odd | (heard.strikes >= 2) if witness else heard.strikes >= 2
-            after = after.judged(unit, _alone(state, unit, bool(odd[state.leader]) and not witness, at_ns))
+            against = _contradicted(state, taken)
+            struck = (heard.strikes >= 2) | (odd & against)
+            after = after.judged(unit, _alone(state, unit, bool((odd & ~against)[state.leader]), at_ns))
         stuck = state.verdicts[unit].repeats >= REPEATS
         common = 0.0
         if unit in state.rows.excluded:
             common = 1.0 - float((row.R / innovations.S)[state.leader])
         return self._isolation.decide(state, after, Finding(unit, at_ns, uses, heard, struck, stuck, common=common))
+
+
+def _contradicted(state: Bank, fits: Flags) -> Flags:
+    """The rows (H) against which a single odd fix is evidence, because it `fits` (H) another explanation of what was seen.
+
+    While others are in doubt these are all. Once units are excluded, it is what explains that otherwise by several causes:
+    with the reader they would be three at least, against one.
+    """
+    if state.alive[0]:
+        return np.asarray(state.rows.several & fits[0])
+    return np.full(len(fits), bool((state.alive & fits).any()))
 
 
 def _alone(state: Bank, unit: str, odd: bool, at_ns: int) -> Verdict:

@@ -103,6 +103,11 @@ class Doubts:
         return max((p * self.chance(units - cause) for cause, p in fitting), default=0.0)
 
     @property
+    def single_causes(self) -> frozenset[Units]:
+        """What one cause makes lie."""
+        return frozenset(units for units, _ in self._causes)
+
+    @property
     def risk(self) -> float:
         """The risk of one decorrelation time."""
         return self.risk_per_hour * DECORRELATION_S / SECONDS_PER_HOUR
@@ -113,7 +118,7 @@ class Rows:
 
     Row 0 leaves out `excluded` alone. `blamed`: what is excluded, or was a short while ago. `alternatives`: other explanations
     of why it was, not refuted so far, which are as likely as they are beside that; what is blamed may as well lie again.
-    `near` (H): these, and the rows of at most one cause more than is excluded.
+    `several` (H): those of several causes. `near` (H): these, and the rows of at most one cause more than is excluded.
     `hard`: the places of the rows for a train that moves harder than its motion model, which are the last ones.
     `deaf`: the rows that hear no unit which reads the speed, nor the position again and again.
     """
@@ -136,6 +141,7 @@ class Rows:
         self.sets = tuple(sorted(chances, key=lambda units: MOTION_MODEL in units))
         self.chances = np.array([chances[units] for units in self.sets])
         self.near = np.array([units in single or units in otherwise for units in self.sets])
+        self.several = np.array([units in otherwise - doubts.single_causes for units in self.sets])
         self._onward = np.array([units >= excluded or units - excluded <= HARD for units in self.sets])
         self.hard = range(sum(MOTION_MODEL not in units for units in self.sets), len(self.sets))
         followed = doubts.speed_units | doubts.position_units

@@ -7,11 +7,11 @@ import numpy as np
 from milepost.estimation.beliefs import joined
 from milepost.estimation.layout import N_COMMON, Layout
 
+from . import recovery
 from .bank_state import Bank, led, likeliest, narrowed, protected, recomposed
 from .evidence import Bounds, Flags
 from .finding import Finding
 from .hypotheses import CHANNELS, MOTION_MODEL, NO_ALTERNATIVES, NOBODY, Doubts, Rows, Units, sources
-from .recovery import FORGET_NS, PROBATION_NS, WARY_NS, alternatives, disagreement, forgotten, passed, revived, widened
 from .verdicts import Exclusion, Reset, Verdict
 
 # between hypotheses one of which is true, less evidence decides than against all units at once
@@ -66,7 +66,7 @@ class Isolation:
                 state = self._motion_blamed(state, finding)
             if state.rows.blamed != state.rows.excluded and at_ns > state.wary_until_ns:
                 state = self._settled(state)
-            return revived(state, at_ns) if any(state.dead_ns) and state.alive[0] else state
+            return recovery.revived(state, at_ns) if any(state.dead_ns) and state.alive[0] else state
         alive = state.alive & ~fired
         # where the leading row stands, the evidence is that against the row most refuted
         told = state.leader if fired[state.leader] else int(np.argmax(np.where(fired, finding.worst(), -np.inf)))
@@ -110,7 +110,7 @@ class Isolation:
         old, units = state.rows, state.rows.sets[row]
         seen = state.innovations(0 if before.alive[0] else row)
         state = led(before, state, row, why.at_ns, "excluded: " + ", ".join(sorted(units - old.excluded)))
-        new = self.rows(units, alternatives(state, units))
+        new = self.rows(units, recovery.alternatives(state, units))
         out = recomposed(state, new, sources(new, old, state.alive, lambda s: (s,), row))
         for unit in old.excluded - units:
             # what it was excluded for is explained otherwise
@@ -160,7 +160,7 @@ class Isolation:
         best = int(np.flatnonzero(before.alive)[0])
         (low, high), (slow, fast) = protected(before)
         units = old.sets[best] | {unit}
-        wide = widened(before, best, self._limit)
+        wide = recovery.widened(before, best, self._limit)
         new = self.rows(units)
         out = recomposed(before, new, [best] * len(new.sets))
         out = out._replace(
@@ -180,21 +180,23 @@ class Isolation:
             state = self._heard_again(state, unit, at_ns)
         verdict = state.verdicts[unit].watched(at_ns, float(finding.channel.sums[0, state.leader]))
         earlier = verdict.excluded
-        long = earlier is not None and at_ns - earlier.at_ns > FORGET_NS
+        long = earlier is not None and at_ns - earlier.at_ns > recovery.FORGET_NS
         # at first the row is as good as it was with the unit, and a lie that grows would pass for the row's error
         common = finding.common if verdict.relapses > 1 or long else 0.0
-        if finding.worst(common)[state.leader] > disagreement(verdict, SOFT * SOFT * self._limit):
+        if finding.worst(common)[state.leader] > recovery.disagreement(verdict, SOFT * SOFT * self._limit):
             why = self._why(state, finding, state.leader, common)
             state = self._fresh(state, unit)
             if long and unit in self._priors:
-                state = forgotten(state, ~state.rows.uses(unit), *self._priors[unit], self._limit)
+                state = recovery.forgotten(state, ~state.rows.uses(unit), *self._priors[unit], self._limit)
             if earlier is not None and (why.slipping or earlier.found_by != unit) and not earlier.slipping:
                 # its own test tells better than another's what it does, and a slip may begin slowly
                 verdict = verdict._replace(excluded=why._replace(at_ns=earlier.at_ns))
             return state.judged(unit, verdict._replace(probation_ns=at_ns, agreed=0))
         state = state.judged(unit, verdict := verdict._replace(agreed=verdict.agreed + 1))
         cleared = frozenset((unit,)) if state.alive[0] else state.rows.excluded - state.rows.sets[state.leader]
-        if unit not in cleared or not all(passed(state.verdicts[u], self._doubts.by_unit[u].hold, at_ns) for u in cleared):
+        if unit not in cleared or not all(
+            recovery.passed(state.verdicts[u], self._doubts.by_unit[u].hold, at_ns) for u in cleared
+        ):
             return state
         if not state.alive[0] and verdict.excluded is not None:
             return self._excluded(state, state, state.leader, verdict.excluded._replace(at_ns=at_ns))
@@ -214,7 +216,7 @@ class Isolation:
     def _motion_blamed(self, state: Bank, finding: Finding) -> Bank:
         """Hold the motion model exceeded where every other explanation is deaf."""
         plausible, first = state.rows.plausible(state.alive), state.rows.hard.start
-        if (plausible & ~state.rows.deaf)[:first].any() or finding.at_ns - state.dead_ns[0] < PROBATION_NS:
+        if (plausible & ~state.rows.deaf)[:first].any() or finding.at_ns - state.dead_ns[0] < recovery.PROBATION_NS:
             return state
         best = likeliest(state, plausible)
         return state if best < first else self._excluded(state, state, best, self._why(state, finding, 0))
@@ -222,16 +224,15 @@ class Isolation:
     def _motion_probation(self, state: Bank, at_ns: int) -> Bank:
         """Take the motion model up again after its probation; where the train still moves harder, it is refuted again."""
         verdict = state.verdicts[MOTION_MODEL]
-        over = state.alive[0] and passed(verdict, 0, at_ns)
+        over = state.alive[0] and recovery.passed(verdict, 0, at_ns)
         return self._readmitted(state, MOTION_MODEL, verdict, at_ns) if over else state
 
     def _readmitted(self, state: Bank, unit: str, verdict: Verdict, at_ns: int) -> Bank:
         """Every row continues the one without the unit."""
         old, units = state.rows, state.rows.excluded - {unit}
-        new = self.rows(units, alternatives(state, old.blamed), old.blamed)
-        # a row that never left the unit out explains otherwise why it was excluded: it goes on by itself
-        out = recomposed(state, new, sources(new, old, state.alive, lambda s: (s, s | {unit}), state.leader))
-        out = out._replace(wary_until_ns=at_ns + WARY_NS)
+        new = self.rows(units, recovery.alternatives(state, old.blamed), old.blamed)
+        out = recomposed(state, new, recovery.readmitting(state, new, unit))
+        out = out._replace(wary_until_ns=at_ns + recovery.WARY_NS)
         return self._fresh(out, unit).judged(unit, verdict._replace(excluded=None, noise=out.verdicts[unit].noise))
 
     def _settled(self, state: Bank) -> Bank:

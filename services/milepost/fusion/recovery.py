@@ -11,7 +11,7 @@ from milepost.estimation.layout import Array
 
 from .bank_state import Bank, protected
 from .evidence import Flags
-from .hypotheses import MOTION_MODEL, Units
+from .hypotheses import MOTION_MODEL, Rows, Units, sources
 from .verdicts import Verdict
 
 # a refuted hypothesis is taken up again from row 0, if row 0 lives so long
@@ -83,6 +83,22 @@ def alternatives(state: Bank, blamed: Units) -> frozenset[Units]:
     if MOTION_MODEL not in blamed:
         return others
     return frozenset(units for units in others if state.rows.doubts.speed_units - units)
+
+
+def readmitting(state: Bank, new: Rows, unit: str) -> list[int]:
+    """For each row once a unit is readmitted, the row that it continues: the one without the unit.
+
+    A row that never left the unit out explains otherwise why it was excluded: it goes on by itself. Where several causes left
+    nobody to be heard, nothing is known but that the train may be anywhere; they begin at this moment, from the leading row.
+    """
+    old = state.rows
+
+    def wanted(units: Units) -> tuple[Units, ...]:
+        without = units | {unit}
+        several = not new.near[new.places[units]]
+        return (units,) if several and without in old.places and old.deaf[old.places[without]] else (units, without)
+
+    return sources(new, old, state.alive, wanted, state.leader)
 
 
 def widened(state: Bank, row: int, limit: float) -> Array:
