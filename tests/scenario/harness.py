@@ -7,6 +7,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import yaml
+
 from milepost.config.roles import ROLES, Setting, processes
 from milepost.config.train import Train, load_train
 from milepost.estimation.time_units import NS_PER_S
@@ -25,6 +27,13 @@ PERIOD_NS = 20_000_000
 def at(t_s: float) -> int:
     """UTC of a scenario time."""
     return OFFLINE_START_NS + round(t_s * NS_PER_S)
+
+
+def on_its_line(folder: Path, line: dict[str, Any], train: dict[str, Any]) -> Path:
+    """Write a line file and the file of a train on it; returns the train's."""
+    for name, content in (("line", line), ("train", train | {"line": "line.yaml"})):
+        (folder / f"{name}.yaml").write_text(yaml.safe_dump(content), encoding="utf-8")
+    return folder / "train.yaml"
 
 
 def scenario_s(message: Message) -> float:

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 import yaml
-from harness import MAGLEV, ROOT, at
+from harness import MAGLEV, ROOT, at, on_its_line
 
 from milepost.checks.requirements import CHECKS
 from milepost.evaluation.campaign import Evaluated
@@ -140,11 +140,10 @@ def test_a_run_that_ends_before_its_time_says_when(tmp_path: Path) -> None:
     """From 100 m at 20 m/s, 50 m before the end of a line of 400 m are reached after 12.5 s."""
     balises = {"every_m": 100.0, "from_m": 150.0, "location_accuracy_m": 0.05}
     line = {"line": "short", "length_m": 400.0, "map_accuracy_m": 0.02, "balises": balises}
-    train = yaml.safe_load(MAGLEV.read_text(encoding="utf-8")) | {"line": "line.yaml"}
+    train = yaml.safe_load(MAGLEV.read_text(encoding="utf-8"))
     train["prior"] |= {"position_m": 100.0, "speed_mps": 20.0}
     train["world"]["motion"] |= {"profile": [[0.0, 20.0]], "start_m": 100.0}
-    for name, content in (("line", line), ("train", train)):
-        (tmp_path / f"{name}.yaml").write_text(yaml.safe_dump(content), encoding="utf-8")
+    on_its_line(tmp_path, line, train)
     path = written(tmp_path, train="train.yaml", duration_s=60.0, windows={}, scores={}, claims=[])
     (said,) = [line for line in evaluate(path).stdout.splitlines() if line.startswith("ended")]
     assert said == "ended after 12.5 s, where the train was 50 m before the end of its line, or its recordings ended"

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 import yaml
-from harness import ROOT, Journey
+from harness import ROOT, Journey, on_its_line
 from pydantic import TypeAdapter
 
 from milepost.config.train import load_train
@@ -31,14 +31,12 @@ def maglev_over_balises(folder: Path) -> Path:
     balises = {"every_m": 100.0, "from_m": 50.0, "location_accuracy_m": 0.05}
     line = {"line": "balises", "length_m": 9000.0, "map_accuracy_m": 0.02, "balises": balises}
     train = yaml.safe_load((ROOT / "deploy/trains/maglev.yaml").read_text(encoding="utf-8"))
-    train |= {"line": "line.yaml", "motion_model": {"jerk_psd_m2ps5": 0.01}}
+    train["motion_model"] = {"jerk_psd_m2ps5": 0.01}
     train["prior"] |= {"position_std_m": 2.0, "acceleration_std_mps2": 0.05}
     train["world"]["motion"] |= {"profile": [[0.0, 20.0]], "corner_s": 5.0}
     train["units"]["radar"] |= {"rate_hz": 20.0, "scale_std": 0.0}
     train["units"]["loop"]["rate_hz"] = 20.0
-    for name, content in (("line", line), ("train", train)):
-        (folder / f"{name}.yaml").write_text(yaml.safe_dump(content), encoding="utf-8")
-    return folder / "train.yaml"
+    return on_its_line(folder, line, train)
 
 
 @pytest.mark.parametrize("size", [0.25, 0.3, 0.35])

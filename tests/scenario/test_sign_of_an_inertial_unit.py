@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 import yaml
-from harness import ROOT, Journey
+from harness import ROOT, Journey, on_its_line
 from pydantic import TypeAdapter
 
 from milepost.config.train import load_train
@@ -25,13 +25,11 @@ def with_inertial_unit(tmp_path: Path) -> Path:
     line = {"line": "balises", "length_m": 9000.0, "map_accuracy_m": 0.02, "balises": balises}
     train = yaml.safe_load((ROOT / "deploy/trains/regional.yaml").read_text(encoding="utf-8"))
     del train["etcs"]
-    train |= {"line": "line.yaml", "motion_model": {"jerk_psd_m2ps5": 0.4}}
+    train["motion_model"] = {"jerk_psd_m2ps5": 0.4}
     train["prior"]["speed_mps"] = 25.0
     train["world"]["motion"] |= {"profile": PROFILE, "corner_s": 2.5, "jerk_psd_m2ps5": 1e-3}
     train["units"]["imu"] = {"kind": "imu", "rate_hz": 20.0}
-    for name, content in (("line", line), ("train", train)):
-        (tmp_path / f"{name}.yaml").write_text(yaml.safe_dump(content), encoding="utf-8")
-    return tmp_path / "train.yaml"
+    return on_its_line(tmp_path, line, train)
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3, 4, 5, 6])

@@ -22,7 +22,7 @@ from google.transit import gtfs_realtime_pb2
 from prometheus_client.openmetrics.parser import text_string_to_metric_families as read_openmetrics
 from prometheus_client.parser import text_string_to_metric_families
 
-from conftest import free_port, running
+from conftest import free_port, running, width_m
 from milepost.config.line_file import load_line
 from milepost.config.shipped_files import find_file
 from milepost.feeds.metric_table import BY_NAME
@@ -80,8 +80,7 @@ def test_a_scrape_has_the_state_the_units_and_the_processes_of_a_running_train(t
     newest = outside.newest("milepost/v1/full-1/state")
     assert found["milepost_status", "normal", "full-1"] == 1.0
     assert found["milepost_position_meters", "full-1"] == pytest.approx(newest["position_m"], abs=30.0)
-    width = newest["position_max_m"] - newest["position_min_m"]
-    assert found["milepost_position_interval_width_meters", "full-1"] == pytest.approx(width, rel=0.5)
+    assert found["milepost_position_interval_width_meters", "full-1"] == pytest.approx(width_m(newest), rel=0.5)
     units = {labels[-1] for name, *labels in found if name == "milepost_unit_share_ratio"}
     assert units == {each["unit"] for each in newest["sensors"]}
     processes = {labels[0] for name, *labels in found if name == "milepost_process_uptime_seconds"}

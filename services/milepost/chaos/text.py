@@ -10,8 +10,8 @@ from .soak import Soak
 LOG_LINES = 20
 COLUMNS = ("gap s", "limit", "stall", "error m", "outside", "missing", "twice", "refused", "recovery s")
 # the longest name: a lie of a unit, and who is killed meanwhile
-NAME = 52
-HEAD = f"{'cell':<{NAME}} {' '.join(f'{name:>7}' for name in COLUMNS)}"
+NAME_WIDTH = 52
+HEAD = f"{'cell':<{NAME_WIDTH}} {' '.join(f'{name:>7}' for name in COLUMNS)}"
 
 
 def row(outcome: Outcome) -> str:
@@ -23,7 +23,7 @@ def row(outcome: Outcome) -> str:
     verdict = "PASS" if outcome.passed else "FAIL"
     log = () if outcome.passed else tuple(f"    | {line}" for line in outcome.log[-LOG_LINES:])
     failures = (f"    {each}" for each in outcome.failures)
-    return "\n".join([f"{outcome.cell.name:<{NAME}} {figures} {counts} {recovery:>10} {verdict}", *failures, *log])
+    return "\n".join([f"{outcome.cell.name:<{NAME_WIDTH}} {figures} {counts} {recovery:>10} {verdict}", *failures, *log])
 
 
 def summary(outcomes: Sequence[Outcome]) -> str:

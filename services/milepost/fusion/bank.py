@@ -175,8 +175,8 @@ class BankKernel:
 def _contradicted(state: Bank, fits: Flags) -> Flags:
     """The rows (H) against which a single odd fix is evidence, because it `fits` (H) another explanation of what was seen.
 
-    While others are in doubt these are all. Once units are excluded, it is what explains that otherwise by several causes:
-    with the reader they would be three at least, against one.
+    While others are in doubt these are all rows. Once units are excluded, they are the rows that explain the exclusion
+    otherwise, by several causes: if the fix were wrong too, it would need one more.
     """
     if state.alive[0]:
         return np.asarray(state.rows.several & fits[0])

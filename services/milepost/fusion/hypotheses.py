@@ -141,7 +141,8 @@ class Rows:
         self.sets = tuple(sorted(chances, key=lambda units: MOTION_MODEL in units))
         self.chances = np.array([chances[units] for units in self.sets])
         self.near = np.array([units in single or units in otherwise for units in self.sets])
-        self.several = np.array([units in otherwise - doubts.single_causes for units in self.sets])
+        several = otherwise - doubts.single_causes
+        self.several = np.array([units in several for units in self.sets])
         self._onward = np.array([units >= excluded or units - excluded <= HARD for units in self.sets])
         self.hard = range(sum(MOTION_MODEL not in units for units in self.sets), len(self.sets))
         followed = doubts.speed_units | doubts.position_units

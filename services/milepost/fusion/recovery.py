@@ -88,8 +88,8 @@ def alternatives(state: Bank, blamed: Units) -> frozenset[Units]:
 def readmitting(state: Bank, new: Rows, unit: str) -> list[int]:
     """For each row once a unit is readmitted, the row that it continues: the one without the unit.
 
-    A row that never left the unit out explains otherwise why it was excluded: it goes on by itself. Where several causes left
-    nobody to be heard, nothing is known but that the train may be anywhere; they begin at this moment, from the leading row.
+    A row that never left the unit out explains otherwise why it was excluded: it goes on by itself. A row of several causes
+    that hears neither speed nor position knows nothing, and is not continued: its causes begin now, from the leading row.
     """
     old = state.rows
 
