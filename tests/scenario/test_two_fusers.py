@@ -11,7 +11,7 @@ from harness import MAGLEV, PERIOD_NS, Journey, at, travel
 
 from milepost.config.roles import ROLES, Setting, processes
 from milepost.config.train import load_train
-from milepost.nodes.base import Node, Output
+from milepost.nodes.base import Lateness, Node, Output
 from milepost.nodes.faulty import Wrapped
 from milepost.offline.memory_bus import MemoryBus
 from milepost.offline.run import OFFLINE_START_NS
@@ -19,6 +19,8 @@ from milepost_schemas import Event, FusedState, Message, Truth
 
 HEAD = {"unit", "instance", "sequence", "published_at_ns"}
 HAPPENS_S, STOPPED_S, END_S = 5.0, 2.0, 10.0
+# shorter than the lease, but its last sign of life was older
+MOMENT_S = 0.45
 
 
 class Mortal(Wrapped):
@@ -42,9 +44,25 @@ class Mortal(Wrapped):
         waiting, self._waiting = self._waiting, []
         return [out for each in (*waiting, message) for out in super(Mortal, self).step(each, now_ns)]
 
+    def lose_what_waits(self) -> None:
+        self._waiting = []
+
     def next_tick_ns(self) -> int | None:
         due_ns = super().next_tick_ns()
         return None if self.dead or due_ns is None else max(due_ns, self.stopped_until_ns)
+
+
+class Machine(Lateness):
+    """A machine's steady clock: it goes on while a process is stopped, and whatever its clock shows."""
+
+    def __init__(self) -> None:
+        self.now_ns = 0
+
+    def goes_on(self, now_ns: int) -> None:
+        self.now_ns = now_ns
+
+    def steady_ns(self, now_ns: int) -> int:
+        return self.now_ns
 
 
 class Pair:
@@ -59,16 +77,17 @@ class Pair:
         self.fusers: dict[str, Any] = {}
         self.others: dict[str, Any] = {}
         setting = Setting("", train.world(END_S), OFFLINE_START_NS, live=True)
-        nodes = []
+        nodes, machine = [], Machine()
         for process in processes(train, live=True):
             named = Setting(process.name, setting.world, OFFLINE_START_NS, live=True)
             node = ROLES[process.role].build(train, process.unit, named)
             if process.role == "fuser":
+                node.keep_time(machine)
                 node = self.fusers[process.name] = around(node)
             elif process.role in others:
                 node = self.others[process.name] = others[process.role](node)
             nodes.append(node)
-        self.bus = MemoryBus(nodes, self._tap)
+        self.bus = MemoryBus(nodes, self._tap, machine.goes_on)
         for name in self.fusers:
             self.token(name, True)
 
@@ -126,6 +145,22 @@ def test_where_the_leader_stops_the_standby_continues_and_the_leader_that_wakes_
     assert no_epoch_twice_or_missing(pair)
     assert pair.longest_gap_ms() <= 130.0
     assert same_as_one_fuser(pair)
+
+
+def test_a_standby_that_lost_its_connection_in_a_moments_stop_does_not_take_the_leaders_token_for_its_end() -> None:
+    """GIVEN a stop that ends with the tokens going, before anything else is heard, WHEN they come back, THEN it stands by."""
+    pair = Pair()
+    standby = pair.fusers["fuser-2"]
+    pair.until(HAPPENS_S)
+    standby.stopped_until_ns = at(HAPPENS_S + MOMENT_S)
+    pair.until(HAPPENS_S + MOMENT_S)
+    standby.lose_what_waits()
+    pair.token("fuser", False)
+    pair.until(HAPPENS_S + MOMENT_S + 0.01)
+    pair.token("fuser", True)
+    pair.until(END_S)
+    assert pair.speakers == ["fuser"]
+    assert no_epoch_twice_or_missing(pair)
 
 
 def test_a_leader_that_was_cut_off_gives_way() -> None:

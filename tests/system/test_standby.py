@@ -80,7 +80,8 @@ def test_a_standby_that_is_stopped_for_a_moment_repeats_nothing(full) -> None:
     standing_by(stack, outside)
     begun, leads = len(outside.heard[STATE]) - 1, leader(outside)
     pid = pid_of(stack, "fuser-2" if leads == "fuser" else "fuser")
-    for stopped_s in (0.3, 0.4, 0.3):
+    # the lease is 0.5 s, and the last sign of life before the stop up to a quarter of it old
+    for stopped_s in (0.3, 0.4, 0.4, 0.5):
         first = outside.newest(STATE)["epoch"]
         os.kill(pid, signal.SIGSTOP)
         try:

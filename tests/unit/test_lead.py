@@ -311,3 +311,84 @@ def test_a_leader_that_takes_itself_to_be_alone_gives_way_to_one_that_it_hears()
     assert not second.takes_over(1020 * MS)
     second.alive("fuser", False)
     assert second.takes_over(1030 * MS)
+
+
+def resting(stopped_ms: int) -> Lead:
+    """A standby that hears the leader until 1000 ms, and is stopped."""
+    out = lead("fuser-2")
+    for t in range(0, 1001, 20):
+        out.awake(t * MS, 20 * MS)
+        out.spoke(state("fuser", t - 5), 2, t * MS)
+    out.awake((1000 + stopped_ms) * MS, stopped_ms * MS)
+    return out
+
+
+def test_a_standby_that_lost_its_connection_in_a_stop_shorter_than_the_lease_hears_first_whether_the_leader_speaks() -> None:
+    """Its last sign of life was up to a quarter of the lease old: the others' tokens go and come, though nobody has ended."""
+    standby = resting(400)
+    standby.alive("fuser", False)
+    assert not any(standby.takes_over(t * MS) for t in range(1400, 1500, 10))
+    standby.alive("fuser", True)
+    standby.spoke(state("fuser", 1510), 2, 1515 * MS)
+    standby.heard(2000 * MS)
+    assert [standby.takes_over(t * MS) for t in (1999, 2000)] == [False, True], "the leader is silent afterwards"
+
+
+def test_after_a_stop_the_leaders_states_may_come_last() -> None:
+    """All that others said in half a second is heard before the leader's first state: it is asked for over a new connection."""
+    standby = resting(480)
+    for t in range(1000, 1700, 20):
+        standby.heard(t * MS)
+        assert not standby.takes_over(max(t, 1480) * MS)
+    standby.spoke(state("fuser", 1690), 2, 1700 * MS)
+    assert not standby.takes_over(1700 * MS)
+
+
+def test_the_state_that_it_took_when_it_was_stopped_does_not_tell_a_standby_that_it_is_connected() -> None:
+    """A turn keeps the time at which it began, so that the state looks new; readings come over the new connection first."""
+    standby = resting(540)
+    standby.spoke(state("fuser", 995), 2, 1000 * MS)
+    standby.alive("fuser", False)
+    standby.alive("fuser", True)
+    standby.heard(1590 * MS)
+    assert not standby.takes_over(1590 * MS)
+
+
+def test_a_standby_that_was_stopped_for_a_moment_leads_soon_where_the_leader_has_ended_meanwhile() -> None:
+    """It cannot tell at first whether the leader has ended or its own connection: it listens for half a second."""
+    standby = resting(400)
+    standby.alive("fuser", False)
+    assert [standby.takes_over(t * MS) for t in (1400, 1999, 2000)] == [False, False, True]
+
+
+def test_a_standby_whose_stop_is_over_for_long_leads_at_once_where_the_leader_has_ended() -> None:
+    standby = resting(400)
+    for t in range(1420, 1901, 20):
+        standby.awake(t * MS, 20 * MS)
+        standby.spoke(state("fuser", t - 5), 2, t * MS)
+    standby.alive("fuser", False)
+    assert standby.takes_over(1901 * MS)
+
+
+def test_of_two_that_may_have_lost_their_connections_again_and_again_one_keeps_the_lead_once_nobody_spoke() -> None:
+    """GIVEN a machine so busy that each works every 0.3 s only, THEN after four seconds one speaks, and goes on."""
+    first = lead("fuser")
+    spoken = []
+    for t in range(0, 12_000, 300):
+        first.awake(t * MS, 300 * MS)
+        first.heard((t - 20) * MS)
+        first.publishes((t - 400) * MS, t * MS)
+        if first.takes_over(t * MS):
+            spoken.append(t)
+    assert spoken[0] <= 4200
+    assert max(b - a for a, b in pairwise(spoken)) == 300
+
+
+def test_where_epochs_are_long_the_wait_for_the_next_one_is_no_stop() -> None:
+    slow = Lead("fuser-2", NAMES, 300 * MS, 15 * MS)
+    slow.alive("fuser", True)
+    for t in range(300, 3001, 300):
+        slow.awake(t * MS, 300 * MS)
+        slow.spoke(state("fuser", t - 5), 2, t * MS)
+    slow.alive("fuser", False)
+    assert slow.takes_over(3001 * MS)

@@ -15,6 +15,8 @@ OWN_PART = 0.7
 # a replica that was stopped for longer than this has lost its connection: until it has another it hears nobody, whoever speaks
 LEASE_NS = 500_000_000
 RECONNECTS_NS = 2_000_000_000
+# its last sign of life may be a quarter of a lease old, or more on a busy machine: after a shorter stop it may have lost it too
+MAY_LOSE_NS = LEASE_NS // 2
 # where nobody has spoken for so long, one that may be deaf speaks all the same; a stop counts as a lease at most
 NOBODY_NS = 4_000_000_000
 # where others are heard but no replica for so long, one speaks even if it is held up again and again; each later one in the
@@ -32,9 +34,10 @@ class Lead:
     Of two that speak at once the one with fewer units in use gives way, between equals the later in the list. A leader that was
     held up gives way by itself, before another one speaks for it. So one that comes back stays silent. A leader counts as
     silent while others are heard: where nothing at all is heard, the network is silent, or this replica is held up. One that
-    was stopped for so long that it has lost its connection is told that nobody else is there, and does not believe it at once:
-    only where nobody has spoken for long, as on a machine so busy that all are stopped over and over. One that speaks because
-    nobody did keeps the lead, however late it is, until another one is heard.
+    was stopped may have lost its connection, and listens first: what the leader said meanwhile may come after all the rest. One
+    that was stopped for so long that it has lost it is told that nobody else is there, and does not believe it at once: only
+    where nobody has spoken for long, as on a machine so busy that all are stopped over and over. One that speaks because nobody
+    did keeps the lead, however late it is, until another one is heard.
     """
 
     def __init__(self, unit: str, replicas: Sequence[str], period_ns: int, deadline_ns: int) -> None:
@@ -53,7 +56,7 @@ class Lead:
         # the last state of any replica, later by the time of stops
         self._spoken_ns: int | None = None
         self._awake_ns = 0
-        self._deaf_until_ns = 0
+        self._deaf_until_ns = self._listens_until_ns = 0
         self._connected_again = False
         # by how much its time was left behind by a stop
         self._behind_ns = 0
@@ -63,7 +66,8 @@ class Lead:
         if unit not in self._rank or self._rank[unit] == self._own:
             return
         (self._others.add if alive else self._others.discard)(unit)
-        self._left_alone = not self._others
+        # soon after a stop it may be this one's connection that has ended
+        self._left_alone = not self._others and (self.leads or self._awake_ns >= self._listens_until_ns)
         if alive and self._deaf_until_ns:
             self._connected_again = True
 
@@ -104,6 +108,8 @@ class Lead:
             # the time has caught up with the stop: nothing was heard in what it left out
             self._deaf_until_ns += leapt_ns
             self._behind_ns -= leapt_ns
+        if stopped_ns > max(MAY_LOSE_NS, self._held_up_ns):
+            self._listens_until_ns = now_ns - leapt_ns + LISTENS_NS
         if stopped_ns > LEASE_NS:
             self.leads = self._unopposed = self._connected_again = False
             self._behind_ns = -leapt_ns
@@ -152,9 +158,9 @@ class Lead:
         if self._heard_ns is None:
             self._heard_ns = now_ns
         until_ns = now_ns - behind_ns
-        if not self.leads and self._quiet(self._spoken_ns, until_ns):
+        if not self.leads and (nobody_speaks or self._quiet(max(self._spoken_ns, self._listens_until_ns), until_ns)):
             self.leads = self._unopposed = True
-        self.leads = self.leads or self._left_alone or nobody_speaks or self._silent(self._heard_ns, until_ns)
+        self.leads = self.leads or self._left_alone or self._silent(max(self._heard_ns, self._listens_until_ns), until_ns)
         if self.leads:
             self._spoken_ns = now_ns
         return self.leads

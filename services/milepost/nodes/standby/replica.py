@@ -27,14 +27,18 @@ class ReplicaNode(Timed):
         self._sequences = {}
         self.peers = [name for name in replicas if name != inner.unit]
         self._turn_ns = 0
-        # until when this process is known to have worked, by a steady clock
+        # until when this process is known to have worked, by a steady clock and by its own time
         self._worked_ns: int | None = None
+        self._done_ns = 0
         self._held: list[Output] = []
         self._said_ns = 0
         self._units = 0
 
     def unit_alive(self, unit: str, alive: bool) -> None:
         """Note that a process's liveliness token appeared or was dropped."""
+        if self._worked_ns is not None:
+            # the stop in which a connection was lost is known before the tokens that went with it
+            self._works(self._done_ns)
         self._lead.alive(unit, alive)
         super().unit_alive(unit, alive)
 
@@ -75,9 +79,9 @@ class ReplicaNode(Timed):
         spent_ns = self.lateness.spent_ns()
         works_ns = self.lateness.steady_ns(self._turn_ns)
         stopped_ns = 0 if self._worked_ns is None else works_ns - self._worked_ns
-        self._worked_ns = works_ns
-        self._lead.awake(at + spent_ns, stopped_ns)
-        return at + spent_ns
+        self._worked_ns, self._done_ns = works_ns, at + spent_ns
+        self._lead.awake(self._done_ns, stopped_ns)
+        return self._done_ns
 
     def _timed(self, at: int) -> Iterator[Output]:
         """Look whether this replica's clock is right; one whose clock stays wrong gives way."""
