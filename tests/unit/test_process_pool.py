@@ -6,7 +6,7 @@ import os
 import signal
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import psutil
 import pytest
@@ -61,6 +61,15 @@ def waits(task: float, progress: Callable[[float], None]) -> float:
         time.sleep(0.01)
 
 
+@pytest.fixture
+def interruptible() -> Iterator[None]:
+    """As the command line sees to it: what a shell has started in the background ignores Ctrl-C."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+@pytest.mark.usefixtures("interruptible")
 @pytest.mark.parametrize("where", ["spawning", "watching"])
 def test_an_interrupt_ends_all_wherever_it_comes(where: str) -> None:
     """GIVEN workers that never end, WHEN Ctrl-C comes while they are spawned or watched, THEN all end, and nobody hangs."""

@@ -19,8 +19,8 @@ RECONNECTS_NS = 2_000_000_000
 MAY_LOSE_NS = LEASE_NS // 2
 # where nobody has spoken for so long, one that may be deaf speaks all the same; a stop counts as a lease at most
 NOBODY_NS = 4_000_000_000
-# where others are heard but no replica for so long, one speaks even if it is held up again and again; each later one in the
-# list waits so much longer
+# where others are heard but no replica for so long, and for no fewer epochs than a silent leader, one speaks even if it is held
+# up again and again; each later one in the list waits so much longer
 QUIET_NS, NEXT_NS = 300_000_000, 150_000_000
 # a busy machine takes so long from the first token to the first state that is heard
 LISTENS_NS = 500_000_000
@@ -48,6 +48,7 @@ class Lead:
         self._left_alone = self._unopposed = False
         silence_ns = max(SILENT_EPOCHS * period_ns, SHORTEST_SILENCE_NS)
         self._silence_ns = silence_ns + self._own * period_ns
+        self._quiet_ns = max(QUIET_NS, silence_ns) + self._own * NEXT_NS
         self._held_up_ns = round(OWN_PART * silence_ns)
         self.late_ns = late_after_ns(period_ns, deadline_ns)
         # when a leader, and when anybody, was last heard
@@ -66,8 +67,9 @@ class Lead:
         if unit not in self._rank or self._rank[unit] == self._own:
             return
         (self._others.add if alive else self._others.discard)(unit)
-        # soon after a stop it may be this one's connection that has ended
-        self._left_alone = not self._others and (self.leads or self._awake_ns >= self._listens_until_ns)
+        self._left_alone = not self._others
+        if alive and self._awake_ns < self._listens_until_ns:
+            self._listens_until_ns = self._awake_ns + LISTENS_NS
         if alive and self._deaf_until_ns:
             self._connected_again = True
 
@@ -108,12 +110,12 @@ class Lead:
             # the time has caught up with the stop: nothing was heard in what it left out
             self._deaf_until_ns += leapt_ns
             self._behind_ns -= leapt_ns
-        if stopped_ns > max(MAY_LOSE_NS, self._held_up_ns):
+        if stopped_ns > max(MAY_LOSE_NS, self._held_up_ns) and self._somebody_speaks():
             self._listens_until_ns = now_ns - leapt_ns + LISTENS_NS
         if stopped_ns > LEASE_NS:
             self.leads = self._unopposed = self._connected_again = False
             self._behind_ns = -leapt_ns
-            self._heard_ns, self._deaf_until_ns = now_ns, now_ns + RECONNECTS_NS
+            self._heard_ns, self._deaf_until_ns = now_ns, now_ns + RECONNECTS_NS + self._own * NEXT_NS
             if self._spoken_ns is not None:
                 self._spoken_ns += stopped_ns - LEASE_NS
         elif stopped_ns > self._held_up_ns:
@@ -152,18 +154,23 @@ class Lead:
             self._connected_again, self._deaf_until_ns = False, now_ns + LISTENS_NS
         if self._spoken_ns is None:
             self._spoken_ns = now_ns
-        nobody_speaks = now_ns - self._spoken_ns >= NOBODY_NS
+        nobody_speaks = now_ns - self._spoken_ns >= NOBODY_NS + self._own * LISTENS_NS
         if now_ns < self._deaf_until_ns and not nobody_speaks:
             return False
         if self._heard_ns is None:
             self._heard_ns = now_ns
         until_ns = now_ns - behind_ns
-        if not self.leads and (nobody_speaks or self._quiet(max(self._spoken_ns, self._listens_until_ns), until_ns)):
+        if not self.leads and (nobody_speaks or self._quiet(self._spoken_ns, until_ns)):
             self.leads = self._unopposed = True
-        self.leads = self.leads or self._left_alone or self._silent(max(self._heard_ns, self._listens_until_ns), until_ns)
+        elif not self.leads and now_ns >= self._listens_until_ns:
+            self.leads = self._left_alone or self._silent(max(self._heard_ns, self._listens_until_ns), until_ns)
         if self.leads:
             self._spoken_ns = now_ns
         return self.leads
+
+    def _somebody_speaks(self) -> bool:
+        """Whether a replica has spoken since this one listened last; else it does not listen again, however often it stops."""
+        return self._spoken_ns is None or self._spoken_ns >= self._listens_until_ns - LISTENS_NS
 
     def _silent(self, heard_ns: int, until_ns: int) -> bool:
         """Whether the leader is silent: others were heard so long after it, or nobody is heard any more."""
@@ -176,4 +183,6 @@ class Lead:
         """Whether others were heard, but for long no replica: then how often this one was held up does not matter."""
         if self._anybody_ns is None:
             return False
-        return min(until_ns, self._anybody_ns) - spoken_ns >= QUIET_NS + self._own * NEXT_NS
+        # two that were stopped together may be awake together for moments only: the first in the list speaks, and is heard
+        from_ns = max(spoken_ns, self._listens_until_ns + self._own * LISTENS_NS)
+        return min(until_ns, self._anybody_ns) - from_ns >= self._quiet_ns
