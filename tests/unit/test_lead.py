@@ -421,6 +421,17 @@ def test_a_standby_listens_from_when_it_is_connected_again() -> None:
     assert not standby.takes_over(2300 * MS)
 
 
+def test_a_token_that_comes_before_the_time_has_caught_up_shortens_no_listening() -> None:
+    """The time follows what was waiting: half a second after the token is before the end of the stop."""
+    standby = resting(0)
+    standby.awake(1010 * MS, 450 * MS)
+    standby.alive("fuser", False)
+    standby.alive("fuser", True)
+    standby.awake(1600 * MS, 140 * MS)
+    standby.heard(1890 * MS)
+    assert not standby.takes_over(1890 * MS)
+
+
 def test_where_epochs_are_long_others_are_heard_between_two_states() -> None:
     """Readings come every 20 ms, states every second: that is no silence."""
     slow = Lead("fuser-2", NAMES, 1000 * MS, 15 * MS)

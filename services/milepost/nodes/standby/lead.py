@@ -57,7 +57,9 @@ class Lead:
         # the last state of any replica, later by the time of stops
         self._spoken_ns: int | None = None
         self._awake_ns = 0
-        self._deaf_until_ns = self._listens_until_ns = 0
+        self._deaf_until_ns = 0
+        # after a stop it takes nobody for gone or silent until then
+        self._listens_until_ns = 0
         self._connected_again = False
         # by how much its time was left behind by a stop
         self._behind_ns = 0
@@ -69,7 +71,7 @@ class Lead:
         (self._others.add if alive else self._others.discard)(unit)
         self._left_alone = not self._others
         if alive and self._awake_ns < self._listens_until_ns:
-            self._listens_until_ns = self._awake_ns + LISTENS_NS
+            self._listens_until_ns = max(self._listens_until_ns, self._awake_ns + LISTENS_NS)
         if alive and self._deaf_until_ns:
             self._connected_again = True
 
