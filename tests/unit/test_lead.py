@@ -315,8 +315,8 @@ def test_a_leader_that_takes_itself_to_be_alone_gives_way_to_one_that_it_hears()
     assert second.takes_over(1030 * MS)
 
 
-def resting(stopped_ms: int) -> Lead:
-    """A standby that hears the leader until 1000 ms, and is stopped."""
+def stopped_standby(stopped_ms: int) -> Lead:
+    """A standby that hears the leader until 1000 ms, and is then stopped for so long."""
     out = lead("fuser-2")
     for t in range(0, 1001, 20):
         out.awake(t * MS, 20 * MS)
@@ -327,7 +327,7 @@ def resting(stopped_ms: int) -> Lead:
 
 def test_a_standby_that_lost_its_connection_in_a_stop_shorter_than_the_lease_hears_first_whether_the_leader_speaks() -> None:
     """Its last sign of life was up to a quarter of the lease old: the others' tokens go and come, though nobody has ended."""
-    standby = resting(400)
+    standby = stopped_standby(400)
     standby.alive("fuser", False)
     assert not any(standby.takes_over(t * MS) for t in range(1400, 1500, 10))
     standby.alive("fuser", True)
@@ -338,7 +338,7 @@ def test_a_standby_that_lost_its_connection_in_a_stop_shorter_than_the_lease_hea
 
 def test_after_a_stop_the_leaders_states_may_come_last() -> None:
     """All that others said in half a second is heard before the leader's first state: it is asked for over a new connection."""
-    standby = resting(480)
+    standby = stopped_standby(480)
     for t in range(1000, 1700, 20):
         standby.heard(t * MS)
         assert not standby.takes_over(max(t, 1480) * MS)
@@ -348,7 +348,7 @@ def test_after_a_stop_the_leaders_states_may_come_last() -> None:
 
 def test_the_state_that_it_took_when_it_was_stopped_does_not_tell_a_standby_that_it_is_connected() -> None:
     """A turn keeps the time at which it began, so that the state looks new; readings come over the new connection first."""
-    standby = resting(540)
+    standby = stopped_standby(540)
     standby.spoke(state("fuser", 995), 2, 1000 * MS)
     standby.alive("fuser", False)
     standby.alive("fuser", True)
@@ -358,13 +358,13 @@ def test_the_state_that_it_took_when_it_was_stopped_does_not_tell_a_standby_that
 
 def test_a_standby_that_was_stopped_for_a_moment_leads_soon_where_the_leader_has_ended_meanwhile() -> None:
     """It cannot tell at first whether the leader has ended or its own connection: it listens for half a second."""
-    standby = resting(400)
+    standby = stopped_standby(400)
     standby.alive("fuser", False)
     assert [standby.takes_over(t * MS) for t in (1400, 1899, 1900)] == [False, False, True]
 
 
 def test_a_standby_whose_stop_is_over_for_long_leads_at_once_where_the_leader_has_ended() -> None:
-    standby = resting(400)
+    standby = stopped_standby(400)
     for t in range(1420, 1901, 20):
         standby.awake(t * MS, 20 * MS)
         standby.spoke(state("fuser", t - 5), 2, t * MS)
@@ -400,7 +400,7 @@ def test_of_two_that_are_stopped_together_again_and_again_one_speaks(stopped_ms:
 
 
 def test_of_two_that_were_stopped_for_long_together_one_speaks() -> None:
-    """As where a machine was paused and their connections were kept: neither hears the other, and the first says so first."""
+    """As where a machine was paused and their connections were kept: both wait, the first in the list for a shorter time."""
     first, second = leading("fuser"), lead("fuser-2")
     for each in (first, second):
         each.awake(1000 * MS, 20 * MS)
@@ -413,7 +413,7 @@ def test_of_two_that_were_stopped_for_long_together_one_speaks() -> None:
 
 def test_a_standby_listens_from_when_it_is_connected_again() -> None:
     """Its new connection may take most of the time in which it listens; the leader's first state comes later."""
-    standby = resting(400)
+    standby = stopped_standby(400)
     standby.alive("fuser", False)
     standby.awake(1850 * MS, 20 * MS)
     standby.alive("fuser", True)
@@ -423,7 +423,7 @@ def test_a_standby_listens_from_when_it_is_connected_again() -> None:
 
 def test_a_token_that_comes_before_the_time_has_caught_up_shortens_no_listening() -> None:
     """The time follows what was waiting: half a second after the token is before the end of the stop."""
-    standby = resting(0)
+    standby = stopped_standby(0)
     standby.awake(1010 * MS, 450 * MS)
     standby.alive("fuser", False)
     standby.alive("fuser", True)
